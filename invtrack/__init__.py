@@ -1,0 +1,1 @@
+"""Inversion-based output tracking of flexible, nonminimum-phase mechanisms, validated in MuJoCo."""

@@ -1,0 +1,53 @@
+"""Every error that invtrack raises on purpose.
+
+Each message says what was expected, what came instead and what to do about it. All of them derive from `InvtrackError`, so a script
+can catch one type and print one readable line.
+"""
+
+
+class InvtrackError(Exception):
+    """Base of all errors that invtrack raises on purpose."""
+
+
+class ModelError(InvtrackError, ValueError):
+    """A linear model is malformed: wrong shapes, names, or numbers that are not finite."""
+
+
+class RelativeDegreeError(InvtrackError, ValueError):
+    """The plant has no (well-conditioned) vector relative degree, so no inverse in this form."""
+
+
+class TrajectoryError(InvtrackError, ValueError):
+    """A reference is malformed, or not smooth enough for the plant."""
+
+
+class InversionError(InvtrackError, ValueError):
+    """No bounded inverse exists, or none that is unique enough to use; the message says which condition fails and what would help."""
+
+
+class NonHyperbolicError(InversionError):
+    """The internal dynamics have eigenvalues on the imaginary axis."""
+
+
+class CompatibilityError(InversionError):
+    """At a parameter jump the state cannot be continuous and the output exact at once."""
+
+
+class BoundednessError(InversionError):
+    """The conditions that keep the solution bounded before and after the manoeuvre cannot all be met."""
+
+
+class ControlError(InvtrackError, ValueError):
+    """A gain or controller cannot be designed or does not fit the plant."""
+
+
+class PlantError(InvtrackError, ValueError):
+    """An MJCF model, a name in it, a parameter or an operating point is not usable as asked."""
+
+
+class SimulationError(InvtrackError, ValueError):
+    """A simulation was asked for something it cannot do."""
+
+
+class RecordingError(InvtrackError, ValueError):
+    """A recording or a run folder cannot be written or read as asked."""

@@ -1,0 +1,163 @@
+"""Linear time-invariant models with named channels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import ModelError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class OperatingPoint:
+    """The point about which a linear model holds, in absolute coordinates.
+
+    x0 is the state from which deviations are measured (for a mechanism: qpos, qvel and activations, so it may be longer than the
+    model's state), u0 (p,) the input and y0 (p,) the output there, in the units of actuators and sensors.
+    """
+
+    x0: Array
+    u0: Array
+    y0: Array
+
+    def agrees_with(self, other: OperatingPoint, tolerance: float = 1e-9) -> bool:
+        """Whether both points are the same to within `tolerance`, relative to the size of each entry (at least 1)."""
+        pairs = ((self.x0, other.x0), (self.u0, other.u0), (self.y0, other.y0))
+        return all(a.shape == b.shape and np.allclose(a, b, rtol=tolerance, atol=tolerance) for a, b in pairs)
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """A linear model x' = A x + B (u - u0), y = y0 + C x + D (u - u0), square (as many inputs as outputs).
+
+    Shapes: A (n, n), B (n, p), C (p, n), D (p, p). x is the deviation from the operating point; inputs u and outputs y are absolute.
+    Without an operating point u0 and y0 are zero. `error_estimates` holds, for a model that was found numerically, an estimate of
+    the largest error of an entry of each matrix.
+
+    Raises ModelError where shapes do not fit, an entry is not finite, or a name occurs twice.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    state_names: tuple[str, ...]
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    operating_point: OperatingPoint
+    error_estimates: Mapping[str, float] = field(default_factory=dict)
+
+    def __init__(
+        self,
+        A: ArrayLike,
+        B: ArrayLike,
+        C: ArrayLike,
+        D: ArrayLike | None = None,
+        *,
+        state_names: Sequence[str] | None = None,
+        input_names: Sequence[str] | None = None,
+        output_names: Sequence[str] | None = None,
+        operating_point: OperatingPoint | None = None,
+        error_estimates: Mapping[str, float] | None = None,
+    ) -> None:
+        A, B, C = _matrix("A", A), _matrix("B", B), _matrix("C", C)
+        D = np.zeros((C.shape[0], B.shape[1])) if D is None else _matrix("D", D)
+        n, p = A.shape[0], B.shape[1]
+        expected = {"A": (n, n), "B": (n, p), "C": (p, n), "D": (p, p)}
+        for name, matrix in (("A", A), ("B", B), ("C", C), ("D", D)):
+            if matrix.shape != expected[name]:
+                raise ModelError(
+                    f"{name} has shape {matrix.shape}, expected {expected[name]} for {n} states and {p} inputs; inversion needs as "
+                    "many outputs as inputs, so choose the outputs that are to follow the trajectory"
+                )
+        if operating_point is None:
+            operating_point = OperatingPoint(x0=np.zeros(n), u0=np.zeros(p), y0=np.zeros(p))
+        if operating_point.u0.shape != (p,) or operating_point.y0.shape != (p,):
+            raise ModelError(
+                f"operating point has u0 of shape {operating_point.u0.shape} and y0 of shape {operating_point.y0.shape}, "
+                f"expected ({p},) for both"
+            )
+        values: dict[str, Any] = {
+            "A": A,
+            "B": B,
+            "C": C,
+            "D": D,
+            "state_names": _names("state", "x", state_names, n),
+            "input_names": _names("input", "u", input_names, p),
+            "output_names": _names("output", "y", output_names, p),
+            "operating_point": operating_point,
+            "error_estimates": dict(error_estimates or {}),
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def n_states(self) -> int:
+        """Number of states n."""
+        return self.A.shape[0]
+
+    @property
+    def n_channels(self) -> int:
+        """Number of inputs, and of outputs, p."""
+        return self.B.shape[1]
+
+    def transformed(self, T: ArrayLike, state_names: Sequence[str] | None = None) -> StateSpace:
+        """The same system in the coordinates T x (T (n, n), nonsingular): T A T^-1, T B, C T^-1, D."""
+        T = _matrix("T", T)
+        if T.shape != self.A.shape:
+            raise ModelError(f"T has shape {T.shape}, expected {self.A.shape}")
+        if np.linalg.cond(T) > 1 / np.finfo(float).eps:
+            raise ModelError("T is singular to working precision, so it is no change of coordinates")
+        right_divide = np.linalg.solve(T.T, np.vstack([self.A, self.C]).T).T  # [A; C] T^-1
+        return StateSpace(
+            T @ right_divide[: self.n_states],
+            T @ self.B,
+            right_divide[self.n_states :],
+            self.D,
+            state_names=state_names,
+            input_names=self.input_names,
+            output_names=self.output_names,
+            operating_point=self.operating_point,
+        )
+
+
+def as_state_space(system: Any) -> StateSpace:
+    """A StateSpace from anything that has attributes A, B, C and D, such as python-control's and scipy.signal's systems.
+
+    Raises ModelError for a discrete-time system or an object without these attributes.
+    """
+    if isinstance(system, StateSpace):
+        return system
+    missing = [name for name in "ABCD" if not hasattr(system, name)]
+    if missing:
+        raise ModelError(
+            f"expected a StateSpace or an object with attributes A, B, C, D; {type(system).__name__} has no {', '.join(missing)}"
+            " (convert a transfer function to state space first)"
+        )
+    if getattr(system, "dt", None) not in (None, 0, 0.0):
+        raise ModelError(f"expected a continuous-time system, got one with sampling time {system.dt}; convert it to continuous time")
+    return StateSpace(system.A, system.B, system.C, system.D)
+
+
+def _matrix(name: str, value: ArrayLike) -> Array:
+    matrix = np.array(value, dtype=float)
+    if matrix.ndim != 2:
+        raise ModelError(f"{name} must be a matrix, got an array with {matrix.ndim} dimension(s)")
+    if not np.all(np.isfinite(matrix)):
+        raise ModelError(f"{name} has entries that are not finite")
+    matrix.setflags(write=False)
+    return matrix
+
+
+def _names(kind: str, letter: str, names: Sequence[str] | None, count: int) -> tuple[str, ...]:
+    if names is None:
+        return tuple(f"{letter}{i + 1}" for i in range(count))
+    if len(names) != count or len(set(names)) != count:
+        raise ModelError(f"expected {count} distinct {kind} names, got {list(names)}")
+    return tuple(names)
