@@ -1,1 +1,84 @@
-"""Inversion-based output tracking of flexible, nonminimum-phase mechanisms, validated in MuJoCo."""
+"""Inversion-based output tracking of flexible, nonminimum-phase mechanisms, validated in MuJoCo.
+
+    plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
+
+Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, and the papers in it.
+"""
+
+from invtrack.control.gains import GainSchedule, lqr, place
+from invtrack.control.tracking import TrackingController
+from invtrack.errors import InvtrackError
+from invtrack.evaluation.metrics import (
+    max_error,
+    metrics,
+    peak_input,
+    preactuation_time,
+    residual_vibration,
+    rms_error,
+    state_vibration,
+)
+from invtrack.inversion.stable import invert
+from invtrack.inversion.static_reference import static_reference
+from invtrack.lti.normal_form import normal_form, relative_degree
+from invtrack.lti.state_space import OperatingPoint, StateSpace
+from invtrack.lti.switched import SwitchedSystem
+from invtrack.lti.zero_dynamics import zeros
+from invtrack.physics.linearize import linearize
+from invtrack.physics.model_files import model_path
+from invtrack.physics.parameters import BodyMass, JointDamping, JointStiffness, TendonDamping, TendonStiffness
+from invtrack.physics.plant import Plant
+from invtrack.recording.read import load_recording
+from invtrack.recording.write import save_recording
+from invtrack.runs.result import Event, RunResult, Signal
+from invtrack.signals.nominal import Certificate, NominalTrajectory
+from invtrack.signals.piecewise import PiecewiseSignal, stack
+from invtrack.signals.profiles import autonomous, constant, piecewise_polynomial, rest_to_rest, versine
+from invtrack.simulation.closed_loop import simulate
+from invtrack.simulation.schedule import Change
+
+__all__ = [
+    "BodyMass",
+    "Certificate",
+    "Change",
+    "Event",
+    "GainSchedule",
+    "InvtrackError",
+    "JointDamping",
+    "JointStiffness",
+    "NominalTrajectory",
+    "OperatingPoint",
+    "PiecewiseSignal",
+    "Plant",
+    "RunResult",
+    "Signal",
+    "StateSpace",
+    "SwitchedSystem",
+    "TendonDamping",
+    "TendonStiffness",
+    "TrackingController",
+    "autonomous",
+    "constant",
+    "invert",
+    "linearize",
+    "load_recording",
+    "lqr",
+    "max_error",
+    "metrics",
+    "model_path",
+    "normal_form",
+    "peak_input",
+    "piecewise_polynomial",
+    "place",
+    "preactuation_time",
+    "relative_degree",
+    "residual_vibration",
+    "rest_to_rest",
+    "rms_error",
+    "save_recording",
+    "simulate",
+    "stack",
+    "state_vibration",
+    "static_reference",
+    "versine",
+    "zeros",
+]

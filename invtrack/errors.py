@@ -22,7 +22,7 @@ class TrajectoryError(InvtrackError, ValueError):
 
 
 class InversionError(InvtrackError, ValueError):
-    """No bounded inverse exists, or none that is unique enough to use; the message says which condition fails and what would help."""
+    """No bounded inverse exists; the message says which condition fails and what would help."""
 
 
 class NonHyperbolicError(InversionError):

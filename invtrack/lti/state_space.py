@@ -36,9 +36,9 @@ class OperatingPoint:
 class StateSpace:
     """A linear model x' = A x + B (u - u0), y = y0 + C x + D (u - u0), square (as many inputs as outputs).
 
-    Shapes: A (n, n), B (n, p), C (p, n), D (p, p). x is the deviation from the operating point; inputs u and outputs y are absolute.
-    Without an operating point u0 and y0 are zero. `error_estimates` holds, for a model that was found numerically, an estimate of
-    the largest error of an entry of each matrix.
+    Shapes: A (n, n), B (n, p), C (p, n), D (p, p). x is the deviation from the operating point; inputs u and outputs y are
+    absolute. Without an operating point u0 and y0 are zero. `error_estimates` holds, for a model that was found numerically, an
+    estimate of the largest error of an entry of each matrix.
 
     Raises ModelError where shapes do not fit, an entry is not finite, or a name occurs twice.
     """
@@ -100,12 +100,12 @@ class StateSpace:
     @property
     def n_states(self) -> int:
         """Number of states n."""
-        return self.A.shape[0]
+        return len(self.A)
 
     @property
     def n_channels(self) -> int:
         """Number of inputs, and of outputs, p."""
-        return self.B.shape[1]
+        return len(self.D)
 
     def transformed(self, T: ArrayLike, state_names: Sequence[str] | None = None) -> StateSpace:
         """The same system in the coordinates T x (T (n, n), nonsingular): T A T^-1, T B, C T^-1, D."""
@@ -141,7 +141,9 @@ def as_state_space(system: Any) -> StateSpace:
             " (convert a transfer function to state space first)"
         )
     if getattr(system, "dt", None) not in (None, 0, 0.0):
-        raise ModelError(f"expected a continuous-time system, got one with sampling time {system.dt}; convert it to continuous time")
+        raise ModelError(
+            f"expected a continuous-time system, got one with sampling time {system.dt}; convert it to continuous time"
+        )
     return StateSpace(system.A, system.B, system.C, system.D)
 
 

@@ -1,0 +1,1 @@
+"""MuJoCo mechanisms as plants: named channels and parameters, operating points, linear models."""

@@ -58,12 +58,12 @@ class RunResult:
     name: case name. model: name of the plant's model. time: (N + 1,) [s], 0 where the manoeuvre starts.
     state: deviations from the operating point. state_reference: the state that the controller wants (NaN where it wants none).
     output, reference: measured and wanted output. planned_output: what the controller plans to deliver (equal to the reference for
-    exact inversion; not for redesign). commanded, applied: the controller's input and what is left of it after the actuator's limits;
-    with hold="continuous" the value at mid-step. parameters: the named physical parameters in force.
-    parameter_bodies: for parameters that belong to one body, its name. qpos: (N + 1, nq) generalized positions; empty for plants
-    without geometry. manoeuvre: (T_i, T_f) [s]. vibration_period: period [s] of the slowest flexible mode of the plant as it is at the
-    end, NaN where it has none. timestep: the largest step asked for [s]; hold: "midpoint" or "continuous".
-    status: "completed" or "diverged", with the reason in `message`. mjb: the compiled MuJoCo model (binary), for the 3-D scene.
+    exact inversion; not for redesign). commanded, applied: the controller's input and what is left of it after the actuator's
+    limits; with hold="continuous" the value at mid-step. parameters: the named physical parameters in force. parameter_bodies:
+    for parameters that belong to one body, its name. qpos: (N + 1, nq) generalized positions; empty for plants without geometry.
+    manoeuvre: (T_i, T_f) [s]. vibration_period: period [s] of the slowest flexible mode of the plant as it is at the end, NaN
+    where it has none. timestep: the largest step asked for [s]; hold: "midpoint" or "continuous". status: "completed" or
+    "diverged", with the reason in `message`. mjb: the compiled MuJoCo model (binary), for the 3-D scene.
     """
 
     name: str

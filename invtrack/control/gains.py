@@ -1,0 +1,109 @@
+"""State feedback gains, one per interval of a switched plant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.signal
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import ControlError
+from invtrack.lti.state_space import StateSpace
+from invtrack.lti.switched import SwitchedSystem, as_switched
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class GainSchedule:
+    """Gains K (p, n) for u = -K x, constant between switch times [s]: one more gain than switch times."""
+
+    gains: tuple[Array, ...]
+    switch_times: Array
+
+    def __post_init__(self) -> None:
+        if len(self.gains) != len(self.switch_times) + 1 or len({gain.shape for gain in self.gains}) != 1:
+            shapes = [gain.shape for gain in self.gains]
+            raise ControlError(
+                f"expected one gain more than switch times, all of one shape; got gains of shapes {shapes} and "
+                f"{len(self.switch_times)} switch times"
+            )
+
+    def interval(self, t: ArrayLike) -> NDArray[np.intp]:
+        """Index of the gain in force at each time."""
+        return np.searchsorted(self.switch_times, np.asarray(t, dtype=float), side="right")
+
+
+def lqr(model: Any, *, Q: ArrayLike, R: ArrayLike) -> GainSchedule:
+    """Gains that minimise the integral of x'Q x + u'R u on each interval by itself: K = R^-1 B'X, A'X + X A - X B R^-1 B'X + Q = 0.
+
+    Q (n, n) positive semidefinite, R (p, p) positive definite; numbers stand for multiples of the identity.
+
+    Raises ControlError for weights of the wrong shape or sign, and for a plant that cannot be stabilized.
+    """
+    plant = as_switched(model)
+    n, p = plant.systems[0].n_states, plant.systems[0].n_channels
+    state_weight, input_weight = _weight("Q", Q, n, strict=False), _weight("R", R, p, strict=True)
+
+    def gain(system: StateSpace) -> Array:
+        try:
+            X = scipy.linalg.solve_continuous_are(system.A, system.B, state_weight, input_weight)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise ControlError(
+                f"no LQR gain: {error}; a mode that the inputs {list(system.input_names)} cannot move, or that Q does not "
+                "weigh, lies on or right of the imaginary axis"
+            ) from error
+        return np.asarray(np.linalg.solve(input_weight, system.B.T @ X))
+
+    return _per_interval(plant, gain)
+
+
+def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
+    """Gains that give every interval the same closed-loop poles: eig(A_k - B_k K_k) = poles.
+
+    poles: n of them, complex ones in conjugate pairs, none repeated more often than there are inputs. Source: Devasia, Paden,
+    Rossi 1996, section 2.
+
+    Raises ControlError for a wrong number of poles, poles right of the axis, or a plant whose modes cannot all be moved.
+    """
+    plant = as_switched(model)
+    n = plant.systems[0].n_states
+    wanted = np.array(poles, dtype=complex)
+    if wanted.shape != (n,) or np.any(wanted.real >= 0):
+        raise ControlError(f"expected {n} poles left of the imaginary axis, got {wanted.tolist()}")
+
+    def gain(system: StateSpace) -> Array:
+        try:
+            return np.asarray(scipy.signal.place_poles(system.A, system.B, wanted).gain_matrix, dtype=float)
+        except ValueError as error:
+            raise ControlError(f"poles cannot be placed: {error}") from error
+
+    return _per_interval(plant, gain)
+
+
+def _per_interval(plant: SwitchedSystem, design: Any) -> GainSchedule:
+    known: dict[int, Array] = {}
+    for system in plant.systems:
+        if id(system) not in known:
+            known[id(system)] = design(system)
+            poles = np.linalg.eigvals(system.A - system.B @ known[id(system)])
+            if np.any(poles.real >= 0):
+                raise ControlError(f"the gain does not stabilize the plant: closed-loop poles {np.round(poles, 6).tolist()}")
+    return GainSchedule(tuple(known[id(system)] for system in plant.systems), plant.switch_times)
+
+
+def _weight(name: str, value: ArrayLike, size: int, *, strict: bool) -> Array:
+    matrix = np.asarray(value, dtype=float)
+    matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
+    if matrix.shape != (size, size) or not np.allclose(matrix, matrix.T):
+        raise ControlError(f"{name} must be a number or a symmetric ({size}, {size}) matrix, got shape {matrix.shape}")
+    smallest = np.linalg.eigvalsh(matrix)[0]
+    if smallest < -1e-12 * np.linalg.norm(matrix) or (strict and smallest <= 0):
+        raise ControlError(
+            f"{name} must be positive {'definite' if strict else 'semidefinite'}, its smallest eigenvalue is {smallest:.3g}"
+        )
+    return matrix

@@ -1,0 +1,124 @@
+"""The linear boundary value problem behind every bounded inverse, solved by ordered orthogonal elimination."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+RANK_TOLERANCE = 1e-9
+"""A pivot below this share of the largest one of its block counts as zero (rows and unknowns come scaled to unit size)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """Linear conditions left v_k + right v_(k+1) = rhs between two neighbouring intervals (or, without `right`, at one end)."""
+
+    left: Array
+    right: Array
+    rhs: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BoundaryValueSolution:
+    """values: v_k of each interval. freedom: how many of the unknowns the conditions leave open (least norm chosen for them).
+
+    inconsistency: per junction, then at the end, how far the conditions that are left without unknowns are from holding.
+    conditioning: smallest ratio of a pivot to the largest of its block that was accepted (1 is best).
+    """
+
+    values: list[Array]
+    freedom: int
+    inconsistency: Array
+    conditioning: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """v_k = fixed - coupling v_(k+1) + free beta_k after elimination of block k."""
+
+    fixed: Array
+    coupling: Array
+    free: Array
+
+
+def solve(first: Conditions, junctions: Sequence[Conditions], last: Conditions) -> BoundaryValueSolution:
+    """Unknowns v_0 ... v_N from conditions at the first end, at each junction, and at the last end.
+
+    Each block is eliminated by a pivoted QR factorization of the conditions that hold it, those left over are carried on to the
+    next block: the cost is linear in the number of junctions, no product of transition matrices over several intervals is formed,
+    and the ordering keeps decaying directions (known at the start) and growing ones (known at the end) apart. `first.right` and
+    `last.right` are not used.
+    """
+    rows, rhs = first.left, first.rhs
+    steps: list[_Step] = []
+    inconsistency: list[float] = []
+    conditioning = 1.0
+    for junction in junctions:
+        left = np.vstack([rows, junction.left])
+        right = np.vstack([np.zeros((len(rows), junction.right.shape[1])), junction.right])
+        step, rows, rhs, quality = _eliminate(left, right, np.concatenate([rhs, junction.rhs]))
+        steps.append(step)
+        rows, rhs, left_over = _compress(rows, rhs)
+        inconsistency.append(left_over)
+        conditioning = min(conditioning, quality)
+    left = np.vstack([rows, last.left])
+    step, _, rhs, quality = _eliminate(left, np.zeros((len(left), 0)), np.concatenate([rhs, last.rhs]))
+    inconsistency.append(float(np.max(np.abs(rhs), initial=0.0)))
+    values, freedom = _substitute_back([*steps, step])
+    return BoundaryValueSolution(values, freedom, np.array(inconsistency), min(conditioning, quality))
+
+
+def _eliminate(left: Array, right: Array, rhs: Array) -> tuple[_Step, Array, Array, float]:
+    """Solve for the left unknowns as far as the conditions determine them; what remains are conditions on the right ones."""
+    n = left.shape[1]
+    Q, R, order = scipy.linalg.qr(left, pivoting=True) if left.size else (np.eye(len(left)), np.zeros((len(left), n)), np.arange(n))
+    pivots = np.abs(np.diag(R))
+    rank = int(np.sum(pivots > RANK_TOLERANCE * max(pivots.max(initial=0.0), RANK_TOLERANCE)))
+    quality = float(pivots[rank - 1] / pivots[0]) if rank else 1.0
+    right, rhs = Q.T @ right, Q.T @ rhs
+    solved = np.zeros((n, 1 + right.shape[1]))
+    free = np.zeros((n, n - rank))
+    if rank:
+        triangle = R[:rank, :rank]
+        solved[order[:rank]] = scipy.linalg.solve_triangular(triangle, np.column_stack([rhs[:rank], right[:rank]]))
+        free[order[:rank]] = -scipy.linalg.solve_triangular(triangle, R[:rank, rank:])
+    free[order[rank:]] = np.eye(n - rank)
+    return _Step(solved[:, 0], solved[:, 1:], free), right[rank:], rhs[rank:], quality
+
+
+def _compress(rows: Array, rhs: Array) -> tuple[Array, Array, float]:
+    """Independent conditions with the same content, and the size of what the dependent ones fail by."""
+    if rows.size == 0:
+        return rows, rhs, float(np.max(np.abs(rhs), initial=0.0)) if rows.shape[1] == 0 else 0.0
+    Q, R, order = scipy.linalg.qr(rows, pivoting=True)
+    pivots = np.abs(np.diag(R))
+    rank = int(np.sum(pivots > RANK_TOLERANCE * max(pivots.max(initial=0.0), RANK_TOLERANCE)))
+    rhs = Q.T @ rhs
+    compressed = np.empty((rank, rows.shape[1]))
+    compressed[:, order] = R[:rank]
+    return compressed, rhs[:rank], float(np.max(np.abs(rhs[rank:]), initial=0.0))
+
+
+def _substitute_back(steps: list[_Step]) -> tuple[list[Array], int]:
+    """Values from the last block to the first; open directions become extra columns, set by least norm over all blocks."""
+    columns = np.zeros((0, 1))  # v_(k+1): its particular value, then one column per open direction found so far
+    blocks: list[Array] = []
+    for step in reversed(steps):
+        value = -step.coupling @ columns if len(columns) else np.zeros((len(step.fixed), columns.shape[1]))
+        value[:, 0] += step.fixed
+        columns = np.hstack([value, step.free])
+        blocks.append(columns)
+    blocks.reverse()
+    freedom = blocks[0].shape[1] - 1
+    weights = np.zeros(1 + freedom)
+    weights[0] = 1.0
+    if freedom:
+        padded = np.vstack([np.pad(block, ((0, 0), (0, 1 + freedom - block.shape[1]))) for block in blocks])
+        weights[1:] = np.linalg.lstsq(padded[:, 1:], -padded[:, 0])[0]
+    return [block @ weights[: block.shape[1]] for block in blocks], freedom

@@ -1,0 +1,65 @@
+"""The usual practice that inversion is compared with: follow the wanted output by its steady state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from invtrack.errors import InversionError
+from invtrack.lti.switched import as_switched
+from invtrack.signals.certificate import certify
+from invtrack.signals.nominal import NominalTrajectory, TwoSidedGenerator, TwoSidedTrajectory
+from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.signals.profiles import constant
+
+
+def static_reference(model: Any, reference: PiecewiseSignal) -> NominalTrajectory:
+    """State and input that would hold the output at y_d(t) if it stood still there: A x + B u = 0, C x + D u = y_d.
+
+    No inverse stands behind it: it is not a trajectory of the plant (its certificate's dynamics residual says by how much), and
+    with feedback around it, it is what a controller without inversion does.
+
+    Raises InversionError where some output cannot be held (a zero at s = 0).
+    """
+    plant = as_switched(model)
+    first = plant.systems[0]
+    n, p = first.n_states, first.n_channels
+    point = first.operating_point
+    deviation = reference + constant(-point.y0, at=reference.support[0]) if np.any(point.y0) else reference
+    deviation = deviation.refined(plant.switch_times)
+    edges = deviation.breakpoints
+    owner = plant.interval(np.concatenate([[edges[0] - 1.0], (edges[:-1] + edges[1:]) / 2, [edges[-1] + 1.0]]))
+    generators: list[TwoSidedGenerator] = []
+    known: dict[tuple[int, int], int] = {}
+    kind = np.empty(len(owner), dtype=np.intp)
+    for piece, key in enumerate(zip(owner.tolist(), deviation.kind.tolist(), strict=True)):
+        if key not in known:
+            known[key] = len(generators)
+            system, generator = plant.systems[key[0]], deviation.generators[key[1]]
+            pencil = np.block([[system.A, system.B], [system.C, system.D]])
+            if np.linalg.cond(pencil) > 1e14:
+                raise InversionError(f"the outputs {list(system.output_names)} cannot be held at constant values (a zero at s = 0)")
+            rows = np.linalg.solve(pencil, np.vstack([np.zeros((n, p)), np.eye(p)])) @ generator.R
+            rows = np.vstack([rows, generator.R])
+            none = np.zeros((0, 0))
+            generators.append(TwoSidedGenerator(generator.S, rows, none, np.zeros((len(rows), 0))))
+        kind[piece] = known[key]
+    # Before the manoeuvre only a backward part is allowed; the reference holds still there, so both directions are the same.
+    g = generators[kind[0]]
+    generators.append(TwoSidedGenerator(g.M_b, g.X_b, g.M_f, g.X_f))
+    kind[0] = len(generators) - 1
+    trajectory = TwoSidedTrajectory(edges, tuple(generators), kind, deviation.anchors, deviation.anchors)
+    support = (float(edges[0]), float(edges[-1]))
+    return NominalTrajectory(
+        method="static reference",
+        model=plant,
+        reference=reference,
+        trajectory=trajectory,
+        support=support,
+        preactuation=0.0,
+        postactuation=0.0,
+        tolerance=0.0,
+        certificate=certify(plant, trajectory, deviation, support),
+        remarks=("not a trajectory of the plant: the steady state of each wanted output",),
+    )

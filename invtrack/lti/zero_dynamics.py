@@ -1,0 +1,137 @@
+"""Invariant zeros and the internal dynamics, split into a stable and an antistable part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from invtrack.errors import NonHyperbolicError
+from invtrack.lti.normal_form import NormalForm, normal_form
+from invtrack.lti.state_space import StateSpace
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+AXIS_TOLERANCE = 1e-8
+"""An eigenvalue counts as on the imaginary axis where |Re| is below this share of its magnitude."""
+
+ROUNDING_FACTOR = 100.0
+"""Uncertainty of the internal dynamics' matrix, in units of n eps times its norm."""
+
+
+@dataclass(frozen=True, eq=False)
+class InternalDynamics:
+    """eta' = A_eta eta + A_zeta zeta + B_r y^(r), the dynamics left when the output is prescribed.
+
+    Shapes with n_z internal states: A_eta (n_z, n_z), A_zeta (n_z, rho), B_r (n_z, p). The eigenvalues of A_eta are the plant's
+    invariant zeros (n - rho of them). `uncertainty` is the size of perturbation of A_eta that rounding, and the error of a model
+    found numerically, may stand for.
+    """
+
+    form: NormalForm
+    A_eta: Array
+    A_zeta: Array
+    B_r: Array
+    zeros: ComplexArray
+    uncertainty: float
+
+
+@dataclass(frozen=True, eq=False)
+class SplitDynamics:
+    """Internal dynamics in coordinates eta = W_s z_s + W_u z_u in which the stable and the antistable part are decoupled.
+
+    z_s' = A_s z_s + G_s [zeta; y^(r)], z_u' = A_u z_u + G_u [zeta; y^(r)], A_s stable, A_u antistable. L_s, L_u are the rows with
+    z_s = L_s eta, z_u = L_u eta.
+    """
+
+    internal: InternalDynamics
+    A_s: Array
+    A_u: Array
+    G_s: Array
+    G_u: Array
+    W_s: Array
+    W_u: Array
+    L_s: Array
+    L_u: Array
+
+
+def zeros(system: StateSpace) -> ComplexArray:
+    """Invariant zeros of a square system with vector relative degree: the eigenvalues of its internal dynamics, (n - rho,).
+
+    Raises RelativeDegreeError where the relative degree is not defined.
+    """
+    return internal_dynamics(system).zeros
+
+
+def internal_dynamics(system: StateSpace) -> InternalDynamics:
+    """Internal dynamics of `system` with the output and its derivatives as the input. Raises RelativeDegreeError."""
+    form = normal_form(system)
+    F, G = form.tracking_law()
+    A_y = system.A + system.B @ F
+    A_eta = form.N @ A_y @ form.V
+    scale = np.linalg.norm(form.N, 2) * np.linalg.norm(form.V, 2) if A_eta.size else 0.0
+    gain = 1 + np.linalg.norm(system.B @ F, 2) / max(np.linalg.norm(system.A, 2), np.finfo(float).tiny)
+    uncertainty = ROUNDING_FACTOR * system.n_states * np.finfo(float).eps * np.linalg.norm(A_eta)
+    uncertainty += scale * gain * system.error_estimates.get("A", 0.0)
+    return InternalDynamics(
+        form=form,
+        A_eta=A_eta,
+        A_zeta=form.N @ A_y @ form.P,
+        B_r=form.N @ system.B @ G,
+        zeros=np.linalg.eigvals(A_eta).astype(complex),
+        uncertainty=float(uncertainty),
+    )
+
+
+def zeros_on_axis(internal: InternalDynamics) -> ComplexArray:
+    """Those zeros that cannot be told from ones on the imaginary axis, repeated ones included.
+
+    A zero s counts where |Re s| <= AXIS_TOLERANCE |s|, or where a perturbation within the matrix's uncertainty can put an
+    eigenvalue at j Im s (smallest singular value of A_eta - j Im s): so a double zero, which rounding splits by sqrt(eps), is
+    still seen.
+    """
+    found = []
+    for zero in internal.zeros:
+        shifted = internal.A_eta - 1j * zero.imag * np.eye(len(internal.A_eta))
+        distance = np.linalg.svd(shifted, compute_uv=False)[-1]
+        if abs(zero.real) <= AXIS_TOLERANCE * abs(zero) or distance <= internal.uncertainty:
+            found.append(zero)
+    return np.array(found, dtype=complex)
+
+
+def split_dynamics(system: StateSpace) -> SplitDynamics:
+    """Internal dynamics split by an ordered real Schur form and a Sylvester equation.
+
+    Raises NonHyperbolicError for zeros on the imaginary axis, RelativeDegreeError as `zeros` does.
+    """
+    internal = internal_dynamics(system)
+    on_axis = zeros_on_axis(internal)
+    if on_axis.size:
+        listed = ", ".join(f"{zero:.4g}" for zero in on_axis)
+        raise NonHyperbolicError(
+            f"internal dynamics are not hyperbolic: zeros at {listed} lie on the imaginary axis to within what the model "
+            "resolves, so the bounded inverse does not exist or is not unique, and none decays both before and after the "
+            "manoeuvre; move these poles of the inverse off the axis, or track another output"
+        )
+    n = len(internal.A_eta)
+    schur, Q, n_s = scipy.linalg.schur(internal.A_eta, output="real", sort="lhp") if n else (np.zeros((0, 0)), np.eye(0), 0)
+    A_s, A_u = schur[:n_s, :n_s], schur[n_s:, n_s:]
+    coupling = np.zeros((n_s, n - n_s))
+    if 0 < n_s < n:
+        coupling = scipy.linalg.solve_sylvester(A_s, -A_u, -schur[:n_s, n_s:])
+    L_s, L_u = Q[:, :n_s].T - coupling @ Q[:, n_s:].T, Q[:, n_s:].T
+    drive = np.hstack([internal.A_zeta, internal.B_r])
+    return SplitDynamics(
+        internal=internal,
+        A_s=A_s,
+        A_u=A_u,
+        G_s=L_s @ drive,
+        G_u=L_u @ drive,
+        W_s=Q[:, :n_s],
+        W_u=Q[:, :n_s] @ coupling + Q[:, n_s:],
+        L_s=L_s,
+        L_u=L_u,
+    )

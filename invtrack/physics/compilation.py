@@ -1,0 +1,42 @@
+"""From an MJCF file to a compiled model, with MuJoCo's complaints as readable errors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import mujoco
+
+from invtrack.errors import PlantError
+from invtrack.physics.callbacks import callbacks_suspended
+from invtrack.physics.names import element_name, listed
+
+
+def load_spec(path: Path) -> mujoco.MjSpec:
+    """The specification in an MJCF file."""
+    if not path.is_file():
+        raise PlantError(f"there is no file {path}; give the path of an MJCF file, or invtrack.model_path(name) of a shipped model")
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except ValueError as error:
+        raise PlantError(f"{path} is not valid MJCF: {error}") from error
+
+
+def compile_spec(spec: mujoco.MjSpec, description: str) -> mujoco.MjModel:
+    """The model that a specification describes."""
+    try:
+        with callbacks_suspended():
+            return spec.compile()
+    except ValueError as error:
+        raise PlantError(f"{description} does not compile: {error}") from error
+
+
+def refuse_hidden_state(model: mujoco.MjModel) -> None:
+    """Refuse models whose state is more than (qpos, qvel, act), and models that measure nothing."""
+    histories = [element_name(model, "actuator", i) for i in range(model.nactuator) if model.actuator_historyadr[i] >= 0]
+    histories += [element_name(model, "sensor", i) for i in range(model.nsensor) if model.sensor_historyadr[i] >= 0]
+    if histories:
+        raise PlantError(f"{listed(histories)}: delays and history buffers are no part of the state (qpos, qvel, act); remove them")
+    if model.npluginstate or model.nplastic:
+        raise PlantError("plugins with state and plastic springs are no part of the state (qpos, qvel, act); remove them")
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_SENSOR:
+        raise PlantError("the model disables sensors, so it has no outputs; remove <flag sensor='disable'/>")

@@ -1,0 +1,61 @@
+"""Between MuJoCo's coordinates (qpos, qvel, act) and the state x of a linear model about an operating point.
+
+The state lives in the tangent space of the operating point x0 = (qpos0, qvel0, act0):
+
+    x = (qpos - qpos0, qvel - qvel0, act - act0),    n = 2 nv + na,
+
+where the first difference is the velocity (nv,) that leads from qpos0 to qpos in one unit of time. For slides and hinges that is
+the plain difference; for the quaternion of a ball or free joint it is the rotation vector [rad] in the body's frame at qpos0.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import PlantError
+
+Array = NDArray[np.float64]
+
+
+def state_of(model: mujoco.MjModel, x0: Array, qpos: ArrayLike, qvel: ArrayLike, act: ArrayLike = ()) -> Array:
+    """The state x (2 nv + na,) of the configuration (qpos, qvel, act), as deviation from the operating point x0 (nq + nv + na,).
+
+    Rotations of ball and free joints are exact up to half a turn from x0; beyond it the shorter way round is taken.
+
+    Raises PlantError where a length does not fit the model.
+    """
+    qpos0, qvel0, act0 = split(model, x0)
+    qpos, qvel, act = (
+        _vector(name, value, size)
+        for name, value, size in (("qpos", qpos, model.nq), ("qvel", qvel, model.nv), ("act", act, model.na))
+    )
+    displacement = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, displacement, 1.0, qpos0, qpos)
+    return np.concatenate([displacement, qvel - qvel0, act - act0])
+
+
+def configuration_of(model: mujoco.MjModel, x0: Array, x: ArrayLike) -> tuple[Array, Array, Array]:
+    """The configuration (qpos (nq,), qvel (nv,), act (na,)) of the state x (2 nv + na,): the inverse of `state_of`.
+
+    Raises PlantError where a length does not fit the model.
+    """
+    qpos, qvel0, act0 = split(model, x0)
+    x = _vector("x", x, 2 * model.nv + model.na)
+    mujoco.mj_integratePos(model, qpos, x[: model.nv], 1.0)
+    return qpos, qvel0 + x[model.nv : 2 * model.nv], act0 + x[2 * model.nv :]
+
+
+def split(model: mujoco.MjModel, x0: ArrayLike) -> tuple[Array, Array, Array]:
+    """Copies of the parts (qpos (nq,), qvel (nv,), act (na,)) of an operating point's x0."""
+    x0 = _vector("x0 = (qpos, qvel, act)", x0, model.nq + model.nv + model.na)
+    qpos, qvel, act = np.split(x0, [model.nq, model.nq + model.nv])
+    return qpos.copy(), qvel.copy(), act.copy()
+
+
+def _vector(name: str, value: ArrayLike, size: int) -> Array:
+    vector = np.array(value, dtype=float)
+    if vector.shape != (size,):
+        raise PlantError(f"{name} has shape {vector.shape}, expected ({size},)")
+    return vector

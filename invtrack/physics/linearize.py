@@ -1,0 +1,155 @@
+"""A linear model of a plant about its operating point, from MuJoCo's forward dynamics."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.errors import PlantError
+from invtrack.lti.state_space import OperatingPoint, StateSpace
+from invtrack.physics.coordinates import configuration_of
+from invtrack.physics.finite_differences import Derivative, differentiate
+from invtrack.physics.linearizable import (
+    refuse_constraints,
+    refuse_kinks,
+    refuse_moving_quaternions,
+    refuse_nonequilibrium,
+    refuse_saturation,
+    refuse_step_maps,
+)
+from invtrack.physics.plant import Plant
+
+Array = NDArray[np.float64]
+_OPTIONS = {"plant", "step", "equilibrium_tolerance", "allow_nonequilibrium"}
+
+
+def linearize(
+    plant: Plant,
+    *,
+    step: float = 1e-3,
+    equilibrium_tolerance: float = 1e-6,
+    allow_nonequilibrium: bool = False,
+    **parameter_values: float,
+) -> StateSpace:
+    """The linear model x' = A x + B (u - u0), y = y0 + C x + D (u - u0) about the plant's operating point.
+
+    x (n = 2 nv + na,) is the deviation in tangent space; continuous time, whatever integrator the file names. The rows of A that
+    say "position' = velocity" are exact; the others, B, C and D are central differences of mj_forward with Richardson
+    extrapolation, with an estimate of the largest error in each matrix in `error_estimates`.
+
+    step: the smallest perturbation of each state and input: in radians; in metres (for mechanisms smaller than a metre in units of
+    their extent); the same per second for velocities; in the unit of each control (times its size at the operating point where that
+    exceeds 1). It is rounded to a power of two, and reduced within narrow ctrlrange and actrange. equilibrium_tolerance: largest
+    rate x' at the operating point, in SI units. parameter_values: named parameters that differ from the file.
+
+    Raises PlantError for unequal numbers of inputs and outputs, an operating point that is no equilibrium (unless
+    allow_nonequilibrium: its rate is then left out), active constraints, saturated controls, spinning ball or free joints, kinks,
+    and models in which qacc depends on the time step (integrator="discrete").
+    """
+    if len(plant.inputs) != len(plant.outputs):
+        raise PlantError(
+            f"inversion needs as many outputs as inputs, got {len(plant.outputs)} ({', '.join(plant.output_names)}) for"
+            f" {len(plant.inputs)} ({', '.join(plant.input_names)}); choose the outputs that are to follow the trajectory"
+        )
+    reserved = sorted(_OPTIONS & set(plant.parameters))
+    if reserved:
+        raise PlantError(f"parameters cannot be called {', '.join(reserved)}, which are options of linearize; rename them")
+    if not 0 < step < 1:
+        raise PlantError(f"step must lie between 0 and 1 (1e-3 suits most mechanisms), got {step}")
+    model = plant.model_with(parameter_values)
+    refuse_step_maps(model)
+    refuse_moving_quaternions(plant)
+    refuse_saturation(plant, model)
+    data = plant.new_data(model)
+    refuse_constraints(model, data)
+    if not allow_nonequilibrium:
+        refuse_nonequilibrium(plant, data, equilibrium_tolerance)
+    point = plant.operating_point_in(model)
+    derivative = differentiate(_Dynamics(plant, model, data), _steps(plant, model, step))
+    _check(plant, derivative)
+    return _assemble(plant, point, derivative)
+
+
+class _Dynamics:
+    """(x, u - u0) -> (qacc, act_dot, y) at one instant."""
+
+    def __init__(self, plant: Plant, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self.plant, self.model, self.data = plant, model, data
+
+    def __call__(self, deviation: Array) -> Array:
+        plant, model, data = self.plant, self.model, self.data
+        x, u = np.split(deviation, [plant.n_states])
+        data.qpos[:], data.qvel[:], data.act[:] = configuration_of(model, plant.configuration.x0, x)
+        data.ctrl[:] = plant.configuration.ctrl
+        data.ctrl[plant.input_addresses] += u
+        data.qacc_warmstart[:] = 0  # so that an evaluation does not depend on the one before it
+        mujoco.mj_forward(model, data)
+        refuse_constraints(model, data)
+        result = np.concatenate([data.qacc, data.act_dot, plant.measure(data)])
+        if not np.all(np.isfinite(result)):
+            raise PlantError(f"accelerations of plant {plant.name!r} are not finite near the operating point; check its masses")
+        return result
+
+
+def _steps(plant: Plant, model: mujoco.MjModel, step: float) -> Array:
+    """The smallest perturbation of each state and input, (n + p,): powers of two, so that sums and differences lose no digits."""
+    length = min(1.0, float(model.stat.extent))
+    translation = np.array([unit == "m" for unit in _tangent_units(model)])
+    positions = np.where(translation, length, 1.0)
+    act, ctrl = plant.configuration.act, plant.configuration.ctrl
+    room = np.full(model.na, np.inf)
+    for i in np.flatnonzero(model.actuator_actlimited):
+        where = slice(model.actuator_actadr[i], model.actuator_actadr[i] + model.actuator_actnum[i])
+        room[where] = _room(act[where], model.actuator_actrange[i])
+    activations = np.minimum(step * np.maximum(1.0, np.abs(act)), room)
+    controls = []
+    for channel in plant.inputs:
+        u0, limited = ctrl[channel.address], model.actuator_ctrllimited[channel.address]
+        u_room = _room(u0, model.actuator_ctrlrange[channel.address]) if limited else np.inf
+        controls.append(np.minimum(step * max(1.0, abs(u0)), u_room))
+    steps = np.concatenate([step * positions, step * positions, activations, controls])
+    return np.asarray(2.0 ** np.floor(np.log2(steps)))
+
+
+def _tangent_units(model: mujoco.MjModel) -> list[str]:
+    """Unit, "m" or "rad", of each of the nv degrees of freedom, whatever units the user calls them by."""
+    units = []
+    for joint in model.jnt_type:
+        if joint == mujoco.mjtJoint.mjJNT_FREE:
+            units += ["m"] * 3 + ["rad"] * 3
+        elif joint == mujoco.mjtJoint.mjJNT_BALL:
+            units += ["rad"] * 3
+        else:
+            units += ["m" if joint == mujoco.mjtJoint.mjJNT_SLIDE else "rad"]
+    return units
+
+
+def _room(value: Array, limits: Array) -> Array:
+    """The largest step of which four fit between the value and its nearer limit."""
+    return np.asarray(np.minimum(value - limits[0], limits[1] - value) / 4)
+
+
+def _check(plant: Plant, derivative: Derivative) -> None:
+    nv = plant.model.nv
+    rows = [f"the rate of {name!r}" for name in plant.state_names[nv:]] + [f"output {name!r}" for name in plant.output_names]
+    columns = [repr(name) for name in (*plant.state_names, *plant.input_names)]
+    refuse_kinks(plant, derivative.jacobian, derivative.jump, rows, columns)
+
+
+def _assemble(plant: Plant, point: OperatingPoint, derivative: Derivative) -> StateSpace:
+    nv, n, p = plant.model.nv, plant.n_states, len(plant.inputs)
+    velocity_rows = np.zeros((nv, n + p))
+    velocity_rows[:, nv : 2 * nv] = np.eye(nv)
+    blocks = {}
+    for label, bottom, top in (("value", derivative.jacobian, velocity_rows), ("error", derivative.error, np.zeros((nv, n + p)))):
+        rows = np.vstack([top, bottom])
+        blocks[label] = {"A": rows[:n, :n], "B": rows[:n, n:], "C": rows[n:, :n], "D": rows[n:, n:]}
+    return StateSpace(
+        **blocks["value"],
+        state_names=plant.state_names,
+        input_names=plant.input_names,
+        output_names=plant.output_names,
+        operating_point=point,
+        error_estimates={name: float(np.max(error)) for name, error in blocks["error"].items()},
+    )

@@ -1,0 +1,252 @@
+"""A mechanism from an MJCF file with named inputs, outputs, states and parameters."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import PlantError
+from invtrack.lti.state_space import OperatingPoint
+from invtrack.physics.channels import Channel, add_output_sensors, input_channels, output_channels, state_channels
+from invtrack.physics.compilation import compile_spec, load_spec, refuse_hidden_state
+from invtrack.physics.coordinates import state_of
+from invtrack.physics.names import listed
+from invtrack.physics.operating_point import Configuration
+from invtrack.physics.parameters import Parameter
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A MuJoCo model seen as a system with inputs u = data.ctrl, outputs y = data.sensordata, and named physical parameters.
+
+    The state is x = (tangent of qpos, qvel, act), each as deviation from the operating point; n = 2 nv + na (see
+    `invtrack.physics.coordinates`). Actuators that are not inputs hold their control of the operating point.
+
+    path: the MJCF file. model: the model compiled with the file's parameter values (make a copy with `model_with` before changing
+    anything in it). spec: what it was compiled from. configuration: the operating point in MuJoCo's coordinates. inputs, outputs,
+    states: names, units and addresses. parameters: what each named parameter changes.
+    """
+
+    path: Path
+    model: mujoco.MjModel
+    spec: mujoco.MjSpec = field(repr=False)
+    configuration: Configuration = field(repr=False)
+    inputs: tuple[Channel, ...]
+    outputs: tuple[Channel, ...]
+    states: tuple[Channel, ...] = field(repr=False)
+    parameters: Mapping[str, Parameter]
+    parameter_units: Mapping[str, str] = field(repr=False)
+
+    @classmethod
+    def from_xml(
+        cls,
+        path: str | Path,
+        *,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        parameters: Mapping[str, Parameter] | None = None,
+        units: Mapping[str, str] | None = None,
+        keyframe: str | None = None,
+    ) -> Plant:
+        """Load an MJCF file.
+
+        inputs: actuators ("NAME", or "NAME[1]" where one has several controls). outputs: sensors ("NAME", "NAME[1]"), or
+        "joint:NAME", "joint:NAME:velocity", "site:NAME:x" (y, z; world coordinates). parameters: for instance
+        {"tip_mass": BodyMass("tip")}. units: SI units that replace those inferred, by the name of an input, output, state or
+        parameter. keyframe: the operating point; without it qpos0 at rest with zero controls.
+
+        Raises PlantError for a file that does not compile, unknown names (with those there are), and models whose state is more
+        than (qpos, qvel, act): history buffers, plugins with state, plasticity.
+        """
+        path = Path(path)
+        spec = load_spec(path)
+        add_output_sensors(spec, outputs)
+        model = compile_spec(spec, str(path))
+        refuse_hidden_state(model)
+        parameters = dict(parameters or {})
+        for name, parameter in parameters.items():
+            if not name.isidentifier():
+                raise PlantError(f"parameter {name!r} cannot be written as a keyword; use letters, digits and underscores")
+            parameter.read(model)  # raises where it names nothing in this model
+        plant = cls(
+            path=path,
+            model=model,
+            spec=spec,
+            configuration=Configuration.of_model(model, keyframe),
+            inputs=input_channels(model, inputs),
+            outputs=output_channels(model, outputs),
+            states=state_channels(model),
+            parameters=MappingProxyType(parameters),
+            parameter_units=MappingProxyType({name: parameter.unit(model) for name, parameter in parameters.items()}),
+        )
+        return plant._with_units(units or {})
+
+    def at(
+        self,
+        *,
+        qpos: ArrayLike | None = None,
+        qvel: ArrayLike | None = None,
+        act: ArrayLike | None = None,
+        ctrl: ArrayLike | None = None,
+        keyframe: str | None = None,
+    ) -> Plant:
+        """The same plant at another operating point: a named keyframe's, or this one's, with the given arrays in place of it.
+
+        qpos (nq,), qvel (nv,), act (na,), ctrl (nu,: of all actuators). Raises PlantError for wrong sizes or an unknown keyframe.
+        """
+        start = self.configuration if keyframe is None else Configuration.of_model(self.model, keyframe)
+        return replace(self, configuration=start.replaced(self.model, qpos=qpos, qvel=qvel, act=act, ctrl=ctrl))
+
+    @property
+    def name(self) -> str:
+        """The model's name in its file."""
+        return str(self.spec.modelname)
+
+    @property
+    def n_states(self) -> int:
+        """Number of states 2 nv + na."""
+        return len(self.states)
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs."""
+        return tuple(channel.name for channel in self.inputs)
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the outputs."""
+        return tuple(channel.name for channel in self.outputs)
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states."""
+        return tuple(channel.name for channel in self.states)
+
+    @property
+    def input_units(self) -> tuple[str, ...]:
+        """Units of the inputs."""
+        return tuple(channel.unit for channel in self.inputs)
+
+    @property
+    def output_units(self) -> tuple[str, ...]:
+        """Units of the outputs."""
+        return tuple(channel.unit for channel in self.outputs)
+
+    @property
+    def state_units(self) -> tuple[str, ...]:
+        """Units of the states."""
+        return tuple(channel.unit for channel in self.states)
+
+    @property
+    def input_addresses(self) -> NDArray[np.intp]:
+        """Where the inputs stand in data.ctrl, (p,)."""
+        return np.array([channel.address for channel in self.inputs], dtype=np.intp)
+
+    @property
+    def output_addresses(self) -> NDArray[np.intp]:
+        """Where the outputs stand in data.sensordata, (p,)."""
+        return np.array([channel.address for channel in self.outputs], dtype=np.intp)
+
+    @property
+    def parameter_values(self) -> dict[str, float]:
+        """The parameters' values in the file."""
+        return {name: parameter.read(self.model) for name, parameter in self.parameters.items()}
+
+    @property
+    def parameter_bodies(self) -> dict[str, str]:
+        """The bodies of those parameters that belong to one."""
+        return {name: parameter.body for name, parameter in self.parameters.items() if parameter.body is not None}
+
+    @property
+    def operating_point(self) -> OperatingPoint:
+        """x0 = (qpos, qvel, act) (nq + nv + na,), u0 (p,) and y0 (p,), with the file's parameter values."""
+        return self.operating_point_in(self.model)
+
+    def operating_point_in(self, model: mujoco.MjModel) -> OperatingPoint:
+        """The operating point with the parameter values of `model` (from `model_with`)."""
+        data = self.new_data(model)
+        return OperatingPoint(x0=self.configuration.x0, u0=data.ctrl[self.input_addresses], y0=self.measure(data))
+
+    def new_data(self, model: mujoco.MjModel | None = None) -> mujoco.MjData:
+        """Fresh MuJoCo data at the operating point, after mj_forward; for `model` from `model_with`, or the plant's own."""
+        model = self.model if model is None else model
+        data = mujoco.MjData(model)
+        self.configuration.write(data)
+        mujoco.mj_forward(model, data)
+        return data
+
+    def measure(self, data: mujoco.MjData) -> Array:
+        """The outputs (p,) in data.sensordata, which is up to date after mj_forward (after mj_step it lags by one step)."""
+        return np.array(data.sensordata[self.output_addresses])
+
+    def state(self, data: mujoco.MjData) -> Array:
+        """The state x (n,) of the data, as deviation from the operating point."""
+        return state_of(self.model, self.configuration.x0, data.qpos, data.qvel, data.act)
+
+    def model_with(self, values: Mapping[str, float] | None = None) -> mujoco.MjModel:
+        """A fresh copy of the model with named parameters set; the others as in the file. Raises PlantError like `apply`."""
+        model = copy.copy(self.model)
+        self.apply(model, values or {})
+        return model
+
+    def apply(self, model: mujoco.MjModel, values: Mapping[str, float]) -> None:
+        """Set named parameters in a model that came from this plant, in place, also while a simulation is running.
+
+        Live data keep qpos, qvel and act; call mj_forward before reading accelerations or sensors from them. Everything that MuJoCo
+        derives from masses is computed anew. Raises PlantError, leaving the model as it was, for unknown parameters and for values
+        that are negative, not finite, or leave a moving body without mass.
+        """
+        self._check(values)
+        if model.signature != self.model.signature:
+            raise PlantError(f"expected a model that came from plant {self.name!r} (plant.model_with()), got another one")
+        for target in (copy.copy(model), model):  # the copy takes any refusal, so that the model itself stays whole
+            for name, value in values.items():
+                self.parameters[name].write(target, float(value), reference=self.model)
+        # The scratch data are thrown away: mj_setConst puts qpos0 into the data it is given.
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+    def compiled_with(self, values: Mapping[str, float]) -> mujoco.MjModel:
+        """A model compiled afresh with named parameters set in its specification: an independent check on `model_with`.
+
+        Raises PlantError like `apply`, and where the file's compiler options overwrite a parameter.
+        """
+        self._check(values)
+        spec = self.spec.copy()
+        for name, value in values.items():
+            self.parameters[name].write_spec(spec, float(value), reference=self.model)
+        return compile_spec(spec, f"{self.path} with {dict(values)}")
+
+    def _check(self, values: Mapping[str, float]) -> None:
+        for name, value in values.items():
+            if name not in self.parameters:
+                raise PlantError(f"plant {self.name!r} has no parameter {name!r}; there are: {listed(self.parameters)}")
+            if not math.isfinite(value) or value < 0:
+                raise PlantError(f"parameter {name!r} must be finite and not negative [{self.parameter_units[name]}], got {value}")
+
+    def _with_units(self, units: Mapping[str, str]) -> Plant:
+        known = {*self.input_names, *self.output_names, *self.state_names, *self.parameters}
+        unknown = sorted(set(units) - known)
+        if unknown:
+            raise PlantError(f"units are given for {listed(unknown)}; the channels and parameters are: {listed(sorted(known))}")
+
+        def renamed(channels: Iterable[Channel]) -> tuple[Channel, ...]:
+            return tuple(replace(channel, unit=units.get(channel.name, channel.unit)) for channel in channels)
+
+        parameter_units = {name: units.get(name, unit) for name, unit in self.parameter_units.items()}
+        return replace(
+            self,
+            inputs=renamed(self.inputs),
+            outputs=renamed(self.outputs),
+            states=renamed(self.states),
+            parameter_units=MappingProxyType(parameter_units),
+        )

@@ -1,0 +1,185 @@
+"""The layout of views with which a recording opens."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from invtrack.recording.layout import TIME, channels_by_unit, entity_path, unit_path
+from invtrack.recording.scene import Scene
+from invtrack.recording.shapes import visible_geoms
+from invtrack.runs.result import Array, RunResult, Signal
+
+NOTICEABLE = 0.01
+"""Share of the peak input from which on the plots show preactuation and postactuation at first."""
+
+VIEWING_DISTANCE = 1.5
+"""Distance of the eye relative to the width of what it is to see; the viewer's field of view is about 55 degrees."""
+
+SKY = (176, 190, 204)
+
+
+def make_blueprint(runs: Sequence[RunResult], scenes: Sequence[Scene | None]) -> rrb.Blueprint:
+    """3-D scene, parameters and events on the left; output, error, input and states on the right, all cases in the same plots."""
+    interval = shown_interval(runs)
+    left = [*_scenes(runs, scenes), *_parameters(runs, interval), _events(runs)]
+    right = [
+        _side_by_side(_outputs(runs, interval)),
+        _tabs([*_errors(runs, interval, "log10_error"), *_errors(runs, interval, "error")]),
+        _side_by_side(_inputs(runs, interval)),
+        _tabs([view for run in runs for view in _states(run, interval, several=len(runs) > 1)]),
+    ]
+    rows = [3.0, 1.3, 1.0][-len(left) :]
+    columns = rrb.Horizontal(rrb.Vertical(*left, row_shares=rows), rrb.Vertical(*right), column_shares=[2, 3])
+    return rrb.Blueprint(
+        columns,
+        rrb.TimePanel(timeline=TIME, state="collapsed", play_state="paused"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_layout=False,
+        auto_views=False,
+    )
+
+
+def shown_interval(runs: Sequence[RunResult]) -> tuple[float, float]:
+    """The time [s] that the plots show at first: the manoeuvre, noticeable preactuation and postactuation, vibration after it."""
+    starts, ends = [], []
+    for run in runs:
+        begin, end = run.manoeuvre
+        effort = np.max(np.abs(run.applied.values), axis=1, initial=0.0, where=np.isfinite(run.applied.values))
+        active = run.time[:-1][effort > NOTICEABLE * np.max(effort, initial=0.0)]
+        starts.append(min([begin, *active[:1]]))
+        ring_down = 5 * run.vibration_period if np.isfinite(run.vibration_period) else 0.0
+        ends.append(max([end + max(ring_down, 0.5 * (end - begin)), *active[-1:]]))
+    margin = 0.03 * (max(ends) - min(starts))
+    first, last = min(run.time[0] for run in runs), max(run.time[-1] for run in runs)
+    return float(max(min(starts) - margin, first)), float(min(max(ends) + margin, last))
+
+
+def _scenes(runs: Sequence[RunResult], scenes: Sequence[Scene | None]) -> list[rrb.Container | rrb.View]:
+    views = [_scene(run, scene, several=len(runs) > 1) for run, scene in zip(runs, scenes, strict=True) if scene is not None]
+    return [_tabs(views)] if views else []
+
+
+def _scene(run: RunResult, scene: Scene, *, several: bool) -> rrb.View:
+    position, target = eye(scene)
+    return rrb.Spatial3DView(
+        origin=entity_path(run.name, "scene"),
+        name=f"{run.name}: {run.model}" if several else run.model,
+        eye_controls=rrb.EyeControls3D(position=position, look_target=target, eye_up=[0.0, 0.0, 1.0]),
+        line_grid=False,
+        background=SKY,
+    )
+
+
+def eye(scene: Scene) -> tuple[Array, Array]:
+    """Where the eye stands and what it looks at: along +y and slightly down, far enough to see every moving geom at all times."""
+    model = scene.model
+    low, high = [np.array(model.stat.center)], [np.array(model.stat.center)]
+    for body in (body for body in range(model.nbody) if model.body_weldid[body] != 0):
+        for geom in visible_geoms(model, body):
+            reach = np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom]  # about the body's origin, in every direction
+            low.append(scene.positions[:, body].min(axis=0) - reach)
+            high.append(scene.positions[:, body].max(axis=0) + reach)
+    lower, upper = np.min(low, axis=0), np.max(high, axis=0)
+    distance = VIEWING_DISTANCE * max(float(np.max(upper - lower)), 0.2 * model.stat.extent)
+    return (lower + upper) / 2 + distance * np.array([0.0, -1.0, 0.2]), (lower + upper) / 2
+
+
+def _outputs(runs: Sequence[RunResult], interval: tuple[float, float]) -> list[rrb.View]:
+    """Output and reference; the planned output where a case plans another one; a reference that cases share is shown once."""
+    views = []
+    for unit in _units(runs, "output"):
+        paths = []
+        for number, run in enumerate(runs):
+            paths.append(unit_path(run.name, "output", unit))
+            if not any(_same_reference(run, earlier) for earlier in runs[:number]):
+                paths.append(unit_path(run.name, "reference", unit))
+            if not _same(run.planned_output, run.reference):
+                paths.append(unit_path(run.name, "planned_output", unit))
+        paths.append(entity_path(runs[0].name, "event_lines", "output", f"[{unit}]"))
+        views.append(_plot(f"Output and reference [{unit}]", paths, interval))
+    return views
+
+
+def _errors(runs: Sequence[RunResult], interval: tuple[float, float], name: str) -> list[rrb.View]:
+    views = []
+    for unit in _units(runs, "output"):
+        paths = [unit_path(run.name, name, unit) for run in runs]
+        paths.append(entity_path(runs[0].name, "event_lines", name, f"[{unit}]"))
+        title = f"log10 |error| [log10 {unit}]" if name == "log10_error" else f"Error [{unit}]"
+        views.append(_plot(title, paths, interval))
+    return views
+
+
+def _inputs(runs: Sequence[RunResult], interval: tuple[float, float]) -> list[rrb.View]:
+    """Applied input; the commanded one where the actuator's limits changed it."""
+    views = []
+    for unit in _units(runs, "applied"):
+        paths = [unit_path(run.name, "applied", unit) for run in runs]
+        paths += [unit_path(run.name, "commanded", unit) for run in runs if not _same(run.commanded, run.applied)]
+        paths.append(entity_path(runs[0].name, "event_lines", "applied", f"[{unit}]"))
+        views.append(_plot(f"Input [{unit}]", paths, interval))
+    return views
+
+
+def _states(run: RunResult, interval: tuple[float, float], *, several: bool) -> list[rrb.View]:
+    """States and, where the controller wants any, their references, one plot per unit."""
+    title = f"{run.name}: states" if several else "States and references"
+    views = []
+    for unit, channels in channels_by_unit(run.state).items():
+        wanted = run.state_reference.values[:, channels]
+        names = ["state", "state_reference"] if np.any(np.isfinite(wanted)) else ["state"]
+        views.append(_plot(f"{title} [{unit}]", [unit_path(run.name, name, unit) for name in names], interval))
+    return views
+
+
+def _parameters(runs: Sequence[RunResult], interval: tuple[float, float]) -> list[rrb.Container | rrb.View]:
+    views = [
+        _plot(f"Parameters [{unit}]", [unit_path(run.name, "parameters", unit) for run in runs], interval)
+        for unit in _units(runs, "parameters")
+    ]
+    return [_tabs(views)] if views else []
+
+
+def _events(runs: Sequence[RunResult]) -> rrb.View:
+    return rrb.TextLogView(
+        origin="/",
+        contents=[entity_path(run.name, "events") for run in runs],
+        name="Events",
+        columns=rrb.TextLogColumns(text_log_columns=["Body"]),
+    )
+
+
+def _plot(name: str, paths: list[str], interval: tuple[float, float]) -> rrb.View:
+    start, end = (rr.TimeRangeBoundary.absolute(seconds=time) for time in interval)
+    return rrb.TimeSeriesView(
+        origin="/",
+        contents=paths,
+        name=name,
+        axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end)),
+        plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
+    )
+
+
+def _units(runs: Sequence[RunResult], signal: str) -> list[str]:
+    return list(dict.fromkeys(unit for run in runs for unit in getattr(run, signal).units))
+
+
+def _same(one: Signal, other: Signal) -> bool:
+    return np.array_equal(one.values, other.values, equal_nan=True)
+
+
+def _same_reference(one: RunResult, other: RunResult) -> bool:
+    return one.reference.equals(other.reference) and np.array_equal(one.time, other.time)
+
+
+def _side_by_side(views: list[rrb.View]) -> rrb.Container | rrb.View:
+    return views[0] if len(views) == 1 else rrb.Horizontal(*views)
+
+
+def _tabs(views: list[rrb.View]) -> rrb.Container | rrb.View:
+    return views[0] if len(views) == 1 else rrb.Tabs(*views, active_tab=0)

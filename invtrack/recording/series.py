@@ -1,0 +1,168 @@
+"""The time series of a run: every signal in float64, the tracking error, and the events."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+
+from invtrack.recording.layout import HELD, SAMPLED, channels_by_unit, entity_path, send_rows, step_at, time_columns, unit_path
+from invtrack.runs.result import Array, RunResult, Signal
+
+Color = tuple[int, int, int]
+
+PALETTE: tuple[Color, ...] = (
+    (78, 150, 235), (240, 140, 50), (90, 185, 100), (225, 90, 90), (165, 125, 215), (60, 190, 195), (225, 120, 185), (190, 165, 70),
+)  # fmt: skip
+REFERENCE_COLOR: Color = (205, 205, 205)
+EVENT_COLOR: Color = (150, 150, 150)
+
+LABELS = {
+    "state": "{}",
+    "state_reference": "{} reference",
+    "output": "{}",
+    "reference": "{} reference",
+    "planned_output": "{} planned",
+    "commanded": "{} commanded",
+    "applied": "{} applied",
+    "parameters": "{}",
+    "error": "{} error",
+}
+
+
+def send_series(recording: rr.RecordingStream, result: RunResult, *, number: int, prefix: str = "") -> None:
+    """Send all time series of one case.
+
+    number: which case of the recording it is; it chooses the colour. prefix: what the names of the series begin with, where the
+    recording has several cases.
+    """
+    samples = np.arange(result.time.size)
+    send_rows(recording, entity_path(result.name, "time"), time_columns(samples, result.time), result.time[:, np.newaxis])
+    _label(recording, entity_path(result.name, "time"), [f"{prefix}time [s]"], [PALETTE[number % len(PALETTE)]])
+    for name in SAMPLED:
+        _send_signal(recording, result, name, getattr(result, name), result.time, number, prefix)
+    middle = result.time[:-1] + np.diff(result.time) / 2
+    for name in HELD:
+        signal = getattr(result, name)
+        at_middle = result.hold == "continuous" and name != "parameters"  # then the sample is the value at mid-step
+        _send_signal(recording, result, name, signal, middle if at_middle else result.time[:-1], number, prefix)
+    _send_error(recording, result, number, prefix)
+    send_events(recording, result, prefix=prefix)
+
+
+def _send_signal(
+    recording: rr.RecordingStream, result: RunResult, name: str, signal: Signal, times: Array, number: int, prefix: str
+) -> None:
+    rows = signal.values.shape[0]
+    if rows == 0:
+        return
+    indexes = time_columns(np.arange(rows), times[:rows])
+    holds = name in HELD and (result.hold != "continuous" or name == "parameters")
+    for unit, channels in channels_by_unit(signal).items():
+        path = unit_path(result.name, name, unit)
+        send_rows(recording, path, indexes, signal.values[:, channels])
+        labels = [f"{prefix}{LABELS[name].format(signal.names[channel])} [{unit}]" for channel in channels]
+        _label(recording, path, labels, _colors(name, number, len(channels)), width=_width(name), holds=holds)
+
+
+def _send_error(recording: rr.RecordingStream, result: RunResult, number: int, prefix: str) -> None:
+    """Send y - y_d and log10 |y - y_d|, the latter not below the rounding error of the output."""
+    error, output = result.error, result.output
+    indexes = time_columns(np.arange(error.shape[0]), result.time[: error.shape[0]])
+    for unit, channels in channels_by_unit(output).items():
+        names = [output.names[channel] for channel in channels]
+        colors = _colors("error", number, len(channels))
+        path = unit_path(result.name, "error", unit)
+        send_rows(recording, path, indexes, error[:, channels])
+        _label(recording, path, [f"{prefix}{name} error [{unit}]" for name in names], colors)
+        path = unit_path(result.name, "log10_error", unit)
+        send_rows(recording, path, indexes, log10_error(result)[:, channels])
+        _label(recording, path, [f"{prefix}log10 |{name} error| [log10 {unit}]" for name in names], colors)
+
+
+def log10_error(result: RunResult) -> Array:
+    """log10 |y - y_d|, (N + 1, p), cut off below at the rounding error of the channel's largest finite output or reference."""
+    both = np.vstack([result.output.values, result.reference.values])
+    peak = np.max(np.abs(both), axis=0, where=np.isfinite(both), initial=0.0)
+    floor = np.finfo(float).eps * np.where(peak > 0, peak, 1.0)
+    return np.log10(np.maximum(np.abs(result.error), floor))
+
+
+def send_events(recording: rr.RecordingStream, result: RunResult, *, prefix: str = "") -> None:
+    """Send the events as a text log, and as vertical lines for the plots of output, error and input."""
+    if not result.events:
+        return
+    times = np.array([event.time for event in result.events])
+    steps = step_at(result, times)
+    rr.send_columns(
+        entity_path(result.name, "events"),
+        time_columns(steps, times),
+        rr.TextLog.columns(
+            text=[f"{prefix}{event.kind}: {event.text} (t = {event.time:.6g} s)" for event in result.events],
+            level=["ERROR" if event.kind == "stop" and result.status == "diverged" else "INFO" for event in result.events],
+        ),
+        recording=recording,
+        strict=True,
+    )
+    log_error = Signal(log10_error(result), result.output.names, result.output.units)
+    for name, signals in (
+        ("output", (result.output, result.reference)),
+        ("error", (Signal(result.error, result.output.names, result.output.units),)),
+        ("log10_error", (log_error,)),
+        ("applied", (result.applied, result.commanded)),
+    ):
+        for unit in channels_by_unit(signals[0]):
+            path = entity_path(result.name, "event_lines", name, f"[{unit}]")
+            _send_vertical_lines(recording, path, result, times, _finite_range(signals, unit))
+
+
+def _send_vertical_lines(
+    recording: rr.RecordingStream, path: str, result: RunResult, times: Array, span: tuple[float, float]
+) -> None:
+    # Rows at one and the same time are merged by the viewer, so the upper end and the gap after it stand 1 and 2 ns later.
+    later = (times[:, np.newaxis] + [0.0, 1e-9, 2e-9]).ravel()
+    rows = np.tile([span[0], span[1], np.nan], times.size)[:, np.newaxis]
+    send_rows(recording, path, time_columns(np.repeat(step_at(result, times), 3), later), rows)
+    style = rr.SeriesLines(names=["events"], colors=[EVENT_COLOR], widths=[1.0], aggregation_policy="Off")
+    recording.log(path, style, static=True, strict=True)
+
+
+def _finite_range(signals: Sequence[Signal], unit: str) -> tuple[float, float]:
+    values = np.concatenate([signal.values[:, channels_by_unit(signal).get(unit, [])].ravel() for signal in signals])
+    finite = values[np.isfinite(values)]
+    return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+
+
+def _label(
+    recording: rr.RecordingStream, path: str, names: list[str], colors: list[Color], *, width: float = 2.5, holds: bool = False
+) -> None:
+    # Where a pixel covers many samples the viewer's default, their mean, would hide short peaks.
+    style = rr.SeriesLines(
+        names=names,
+        colors=colors,
+        widths=[width] * len(names),
+        interpolation_mode=rr.components.InterpolationMode.StepAfter if holds else rr.components.InterpolationMode.Linear,
+        aggregation_policy=rr.components.AggregationPolicy.MinMax if holds else rr.components.AggregationPolicy.MinMaxAverage,
+    )
+    recording.log(path, style, static=True, strict=True)
+
+
+def _width(name: str) -> float:
+    # What is wanted is drawn over what came of it: the thinner line leaves both to be seen where they agree.
+    return 1.0 if name in ("reference", "state_reference", "planned_output", "commanded") else 2.5
+
+
+def _colors(name: str, number: int, count: int) -> list[Color]:
+    """Colours of the channels: by case where cases are compared in one plot, by channel for states and parameters."""
+    if name == "reference":
+        return [REFERENCE_COLOR] * count
+    first = 0 if name in ("state", "state_reference", "parameters") else number
+    colors = [PALETTE[(first + channel) % len(PALETTE)] for channel in range(count)]
+    paler = name in ("state_reference", "planned_output", "commanded")
+    return [_mixed(color, (255, 255, 255), 0.55) for color in colors] if paler else colors
+
+
+def _mixed(color: Color, other: Color, share: float) -> Color:
+    red, green, blue = (round((1 - share) * mine + share * theirs) for mine, theirs in zip(color, other, strict=True))
+    return red, green, blue

@@ -1,0 +1,144 @@
+"""Save runs as a Rerun recording."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import uuid
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from invtrack.errors import RecordingError
+from invtrack.recording.blueprint import make_blueprint
+from invtrack.recording.layout import ARCHETYPE, FORMAT, HELD, SAMPLED, entity_path, time_columns
+from invtrack.recording.scene import Scene, make_scene, send_scene
+from invtrack.recording.series import send_series
+from invtrack.runs.result import RunResult
+
+
+def save_recording(results: RunResult | Sequence[RunResult], path: str | Path) -> Path:
+    """Write one Rerun recording (.rrd) with one or several cases and return its path.
+
+    Every array is kept in float64, so that `load_recording(path)[case].equals(result)` holds bit for bit. Beside them stand what
+    people look at: the 3-D scene of each case that has a MuJoCo model (float32, about 60 frames per second of simulated time), the
+    tracking error, the events, and a layout of views. Open it with `rerun <path>`.
+
+    The file appears under its name only once it is complete; missing folders above it are made.
+
+    Raises RecordingError where there is no case, two cases share a name, the arrays of a case or its model and positions do not fit
+    together, the path does not end in .rrd, or the file cannot be written.
+    """
+    runs = [results] if isinstance(results, RunResult) else list(results)
+    _check(runs)
+    target = Path(path)
+    if target.suffix != ".rrd":
+        raise RecordingError(f"expected a path that ends in .rrd, by which the Rerun viewer knows recordings; got {target}")
+    partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
+    scenes = [make_scene(run) for run in runs]
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        partial.touch()  # Rerun opens the file in the background, so find out here whether it can be written
+        _write(runs, scenes, partial, title=target.stem)
+        os.replace(partial, target)
+    except OSError as error:
+        raise RecordingError(f"cannot write the recording {target}: {error}; choose a folder that can be written to") from error
+    finally:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+    return target
+
+
+def _write(runs: list[RunResult], scenes: list[Scene | None], path: Path, *, title: str) -> None:
+    recording = rr.RecordingStream(_application_id(runs), recording_id=uuid.uuid4())
+    try:
+        recording.save(path, default_blueprint=make_blueprint(runs, scenes))
+        recording.send_recording_name(title)
+        for number, (run, scene) in enumerate(zip(runs, scenes, strict=True)):
+            prefix = f"{run.name}: " if len(runs) > 1 else ""
+            _send_run(recording, run, number)
+            send_series(recording, run, number=number, prefix=prefix)
+            if scene is not None:
+                send_scene(recording, run, scene)
+    finally:
+        recording.disconnect()  # writes the footer
+    try:
+        RrdReader(path).store()
+    except (ValueError, RuntimeError) as error:
+        raise OSError(f"the file is incomplete ({error}), perhaps for lack of space") from error
+
+
+def _application_id(runs: list[RunResult]) -> str:
+    """The viewer keeps one layout per application id; recordings with other cases or channels need another layout."""
+    labels = [[run.name, *((getattr(run, name).names, getattr(run, name).units) for name in SAMPLED + HELD)] for run in runs]
+    digest = hashlib.blake2b(json.dumps(labels).encode(), digest_size=4).hexdigest()
+    return f"invtrack {runs[0].model} {digest}"
+
+
+def _send_run(recording: rr.RecordingStream, run: RunResult, number: int) -> None:
+    """Send what is no time series, and the generalized positions."""
+    components: dict[str, Any] = {"metadata": json.dumps(metadata(run, number))}
+    if run.mjb:
+        components["mjb"] = np.frombuffer(run.mjb, dtype=np.uint8)
+    recording.log(entity_path(run.name, "run"), rr.DynamicArchetype(ARCHETYPE, components=components), static=True, strict=True)
+    if run.qpos.size:
+        rows, width = run.qpos.shape
+        columns = rr.DynamicArchetype.columns(ARCHETYPE, components={"qpos": np.ascontiguousarray(run.qpos).ravel()})
+        rr.send_columns(
+            entity_path(run.name, "qpos"),
+            time_columns(np.arange(rows), run.time[:rows]),
+            columns.partition(np.full(rows, width)),
+            recording=recording,
+            strict=True,
+        )
+
+
+def metadata(run: RunResult, number: int) -> dict[str, Any]:
+    """Everything of a run but its arrays, for JSON: floats survive it exactly, NaN included."""
+    return {
+        "format": FORMAT,
+        "number": number,
+        "name": run.name,
+        "model": run.model,
+        "manoeuvre": [float(time) for time in run.manoeuvre],
+        "timestep": float(run.timestep),
+        "hold": run.hold,
+        "integrator": run.integrator,
+        "vibration_period": float(run.vibration_period),
+        "events": [[float(event.time), event.kind, event.text] for event in run.events],
+        "parameter_bodies": dict(run.parameter_bodies),
+        "status": run.status,
+        "message": run.message,
+        "qpos_shape": run.qpos.shape,
+        "samples": run.time.size,
+        "signals": {
+            name: {"rows": signal.values.shape[0], "names": signal.names, "units": signal.units}
+            for name, signal in ((name, getattr(run, name)) for name in SAMPLED + HELD)
+        },
+    }
+
+
+def _check(runs: list[RunResult]) -> None:
+    names = [run.name for run in runs]
+    if not runs:
+        raise RecordingError("expected at least one run to record, got none")
+    if len(set(names)) != len(names) or "" in names:
+        raise RecordingError(f"expected cases with distinct, non-empty names, got {names}; rename them with dataclasses.replace")
+    for run in runs:
+        if run.time.size == 0:
+            raise RecordingError(f"case {run.name!r} has no samples to record")
+        limits = {**dict.fromkeys(SAMPLED, run.time.size), **dict.fromkeys(HELD, run.time.size - 1)}
+        for name, rows in limits.items():
+            if getattr(run, name).values.shape[0] != rows:
+                raise RecordingError(
+                    f"case {run.name!r} has {run.time.size} times, so {name} needs {rows} rows; it has "
+                    f"{getattr(run, name).values.shape[0]}"
+                )
+        if run.qpos.size and run.qpos.shape[0] != run.time.size:
+            raise RecordingError(f"case {run.name!r} has {run.time.size} times but {run.qpos.shape[0]} rows of qpos")

@@ -1,0 +1,112 @@
+"""One table of results for the terminal, a file or a pipe."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rich.console import Console
+from rich.text import Text
+
+from invtrack.errors import InvtrackError
+
+Cell = float | int | str | None
+Rows = Mapping[str, Mapping[str, Cell]]
+
+GAP = "  "
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: the name in its header, its unit ("" for text and counts) and the key of its values in each row.
+
+    Without a key it is the name with underscores: Column("max error", "m") shows the rows' "max_error".
+    """
+
+    name: str
+    unit: str = ""
+    key: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "key", self.key or self.name.replace(" ", "_"))
+
+
+def print_table(
+    title: str, *, columns: Sequence[Column], rows: Rows, row_header: str = "case", console: Console | None = None
+) -> None:
+    """Print one row per case and one column per quantity, units in the header, numbers to three significant digits.
+
+    A value that is None, not defined, prints as a dash. Where the output is too narrow, the columns that do not fit follow below
+    with the cases repeated: no number is ever cut off. No control codes are written unless the output is a terminal.
+
+    Raises InvtrackError where a row has no value for a column.
+    """
+    console = console or Console()
+    headers = [_header_lines(column) for column in columns]
+    height = max((len(header) for header in headers), default=1)
+    cases = _padded([row_header], list(rows), height, left=True)
+    blocks = [_padded(header, _cells(column, rows), height) for header, column in zip(headers, columns, strict=True)]
+    if title:
+        _print_line(console, title, "italic")
+    for group in _groups(cases, blocks, console.width):
+        lines = [GAP.join(parts).rstrip() for parts in zip(cases, *group, strict=True)]
+        rule = "─" if console.encoding.startswith("utf") else "-"
+        for line in filter(None, lines[:height]):
+            _print_line(console, line, "bold")
+        _print_line(console, rule * max(len(line) for line in lines))
+        for line in lines[height:]:
+            _print_line(console, line)
+        _print_line(console, "")
+
+
+def short_scientific(value: float) -> str:
+    """A number to three significant digits with a short exponent, such as 6.02e-7; zero is 0."""
+    if not math.isfinite(value):
+        return str(value)
+    mantissa, exponent = f"{value:.2e}".split("e")
+    return f"{mantissa}e{int(exponent)}" if value else "0"
+
+
+def _print_line(console: Console, line: str, style: str = "") -> None:
+    # As Text, because rich reads "[m]" in a plain string as markup; soft_wrap, because it would break or cut a long line.
+    console.print(Text(line, style=style), soft_wrap=True)
+
+
+def _header_lines(column: Column) -> list[str]:
+    """The name, one word to a line, and its unit: columns stay as narrow as their numbers."""
+    return column.name.split() + ([f"[{column.unit}]"] if column.unit else [])
+
+
+def _cells(column: Column, rows: Rows) -> list[str]:
+    """The column's cells, numbers padded at the end so that right alignment puts their exponents under each other."""
+    cells = []
+    for case, row in rows.items():
+        if column.key not in row:
+            raise InvtrackError(f"row {case!r} has no value {column.key!r}; it has: {', '.join(row) or 'none'}")
+        value = row[column.key]
+        cells.append(short_scientific(value) if isinstance(value, float) else "-" if value is None else str(value))
+    numbers = [isinstance(row[column.key], float) and "e" in cell for row, cell in zip(rows.values(), cells, strict=True)]
+    tail = max((len(cell) - cell.index("e") for cell, number in zip(cells, numbers, strict=True) if number), default=0)
+    return [cell.ljust(cell.index("e") + tail) if number else cell for cell, number in zip(cells, numbers, strict=True)]
+
+
+def _padded(header: Sequence[str], cells: Sequence[str], height: int, *, left: bool = False) -> list[str]:
+    """Header, bottom-aligned in `height` lines, and cells, all of one width."""
+    lines = [""] * (height - len(header)) + [*header, *cells]
+    width = max(len(line) for line in lines)
+    return [line.ljust(width) if left else line.rjust(width) for line in lines]
+
+
+def _groups(cases: list[str], blocks: Sequence[list[str]], width: int) -> list[list[list[str]]]:
+    """The columns in groups that fit beside the cases in `width` characters, at least one column in each."""
+    groups: list[list[list[str]]] = [[]]
+    used = len(cases[0])
+    for block in blocks:
+        needed = len(GAP) + len(block[0])
+        if groups[-1] and used + needed > width:
+            groups.append([])
+            used = len(cases[0])
+        groups[-1].append(block)
+        used += needed
+    return groups

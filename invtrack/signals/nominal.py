@@ -1,0 +1,142 @@
+"""The planned trajectory that every method returns: input, state and output over all of time, with its certificate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.lti.propagation import flow
+from invtrack.lti.switched import SwitchedSystem
+from invtrack.signals.piecewise import PiecewiseSignal
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class TwoSidedGenerator:
+    """A piece whose decaying part runs forward from its start and whose growing part runs backward from its end.
+
+    values = X_f v_f + X_b v_b with v_f' = M_f v_f given at the start and v_b' = M_b v_b given at the end; each is integrated in the
+    direction in which it does not grow, so that no exponential overflows. values stacks [x; u; y] (n + 2 p).
+    """
+
+    M_f: Array
+    X_f: Array
+    M_b: Array
+    X_b: Array
+
+
+@dataclass(frozen=True, eq=False)
+class TwoSidedTrajectory:
+    """Pieces of TwoSidedGenerators on all of time: breakpoints (m + 1,), m + 2 pieces as in PiecewiseSignal.
+
+    kind (m + 2,): generator of each piece; v_f (m + 2, .) at the start, v_b (m + 2, .) at the end of each piece, padded with zeros.
+    Piece 0 has a backward part only, the last piece a forward part only.
+    """
+
+    breakpoints: Array
+    generators: tuple[TwoSidedGenerator, ...]
+    kind: NDArray[np.intp]
+    v_f: Array
+    v_b: Array
+
+    def locate(self, t: ArrayLike) -> NDArray[np.intp]:
+        """Index of the piece that holds each time; a breakpoint belongs to the piece on its right."""
+        return np.searchsorted(self.breakpoints, np.asarray(t, dtype=float), side="right")
+
+    def __call__(self, times: Array, piece: NDArray[np.intp]) -> Array:
+        """Stacked values at times (m,) taken in the pieces (m,) stated: (m, n + 2 p)."""
+        result = np.empty((len(times), self.generators[0].X_f.shape[0]))
+        since = np.maximum(times - self.breakpoints[np.maximum(piece - 1, 0)], 0.0)
+        until = np.maximum(self.breakpoints[np.minimum(piece, len(self.breakpoints) - 1)] - times, 0.0)
+        for index, g in enumerate(self.generators):
+            chosen = np.flatnonzero(self.kind[piece] == index)
+            if chosen.size == 0:
+                continue
+            forward = flow(g.M_f, self.v_f[piece[chosen], : len(g.M_f)], since[chosen])
+            backward = flow(-g.M_b, self.v_b[piece[chosen], : len(g.M_b)], until[chosen])
+            result[chosen] = forward @ g.X_f.T + backward @ g.X_b.T
+        return result
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """How well a planned trajectory meets its conditions, measured from its values alone, not from how it was found.
+
+    dynamics_residual: largest |x(b) - x(a) - integral of A x + B u| over panels, relative to each state's peak.
+    output_error: largest |planned output - wanted output|, relative to the peak of the wanted motion.
+    continuity: largest jump of a state at a breakpoint, relative to its peak.
+    rest_residual: largest distance of a state from rest (or from its bounded particular solution) at the ends of the trajectory,
+    relative to its peak.
+    """
+
+    dynamics_residual: float
+    output_error: float
+    continuity: float
+    rest_residual: float
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Values at given times: x (m, n) deviations from the operating point, u (m, p) and y, y_d (m, p) absolute."""
+
+    time: Array
+    x: Array
+    u: Array
+    y: Array
+    y_d: Array
+
+
+@dataclass(frozen=True, eq=False)
+class NominalTrajectory:
+    """Input, state and output that a method plans for a reference, on all of time.
+
+    method: its name. model: the plant it was planned for. reference: the wanted output y_d. support: (T_i, T_f) [s], the hull of
+    the reference's support and of the plant's jumps. preactuation, postactuation: how long before T_i and after T_f [s] the plan
+    differs from rest by more than `tolerance`, relative to the peak of each state and input. remarks: what a user should know
+    about the solution (for instance that it was not unique).
+    """
+
+    method: str
+    model: SwitchedSystem
+    reference: PiecewiseSignal
+    trajectory: TwoSidedTrajectory
+    support: tuple[float, float]
+    preactuation: float
+    postactuation: float
+    tolerance: float
+    certificate: Certificate
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def start(self) -> float:
+        """Time [s] at which the plan leaves rest: T_i - preactuation."""
+        return self.support[0] - self.preactuation
+
+    @property
+    def end(self) -> float:
+        """Time [s] at which the plan has come to rest: T_f + postactuation."""
+        return self.support[1] + self.postactuation
+
+    @property
+    def breakpoints(self) -> Array:
+        """Times [s] at which the plan is not smooth: switch times and the reference's breakpoints."""
+        return self.trajectory.breakpoints
+
+    def __call__(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Samples:
+        """Values at times t (m,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        within = times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape)
+        values = self.trajectory(times, self.trajectory.locate(within))
+        first = self.model.systems[0]
+        n, p = first.n_states, first.n_channels
+        point = first.operating_point
+        return Samples(
+            time=times,
+            x=values[:, :n],
+            u=values[:, n : n + p] + point.u0,
+            y=values[:, n + p :] + point.y0,
+            y_d=self.reference(times, inside=within),
+        )

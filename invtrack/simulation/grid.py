@@ -1,0 +1,74 @@
+"""From breakpoints to steps: every breakpoint lies exactly on a step boundary."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.errors import SimulationError
+
+Array = NDArray[np.float64]
+
+SNAP = 1e-9
+"""Breakpoints closer than this share of the largest step are one and the same, computed in two ways."""
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """N steps between N + 1 times [s].
+
+    edges (m + 1,): the breakpoints between which steps are even. first_step (m + 1,): number of the first step after each edge.
+    step (m,) [s]: length of the steps in each interval. time (N + 1,).
+    """
+
+    edges: Array
+    first_step: NDArray[np.intp]
+    step: Array
+    time: Array
+
+    @property
+    def n_steps(self) -> int:
+        """Number of steps N."""
+        return len(self.time) - 1
+
+    @property
+    def interval(self) -> NDArray[np.intp]:
+        """Index of the interval of each step (N,)."""
+        return np.repeat(np.arange(len(self.step)), np.diff(self.first_step))
+
+    @property
+    def middle(self) -> Array:
+        """Middle of the interval of each step (N,) [s]: a time that is certainly on the right side of every breakpoint."""
+        return ((self.edges[:-1] + self.edges[1:]) / 2)[self.interval]
+
+    def edge_index(self, t: float) -> int | None:
+        """Index of the edge at time t, or None where t lies outside the grid."""
+        nearest = int(np.argmin(np.abs(self.edges - t)))
+        return nearest if abs(self.edges[nearest] - t) <= SNAP * self.step.max() else None
+
+
+def make_grid(start: float, stop: float, breakpoints: Iterable[float], timestep: float) -> Grid:
+    """Divide [start, stop] at the breakpoints inside it, and each interval evenly into steps not longer than `timestep` [s].
+
+    Raises SimulationError for a time step or a span that is not positive.
+    """
+    if not (np.isfinite(timestep) and timestep > 0):
+        raise SimulationError(f"the time step must be a positive number of seconds, got {timestep}")
+    if not (np.isfinite(start) and np.isfinite(stop) and stop > start):
+        raise SimulationError(f"the run must stop after it starts, got start {start} s and stop {stop} s")
+    edges = [start]
+    for t in sorted({float(t) for t in breakpoints if start < t < stop}):
+        if t - edges[-1] > SNAP * timestep:
+            edges.append(t)
+    if stop - edges[-1] <= SNAP * timestep and len(edges) > 1:
+        edges.pop()
+    edges.append(stop)
+    lengths = np.diff(edges)
+    counts = np.maximum(np.ceil(lengths / timestep * (1 - SNAP)), 1).astype(np.intp)
+    time = np.concatenate(
+        [a + (b - a) * np.arange(n) / n for a, b, n in zip(edges[:-1], edges[1:], counts, strict=True)] + [[stop]]
+    )
+    return Grid(np.array(edges), np.concatenate([[0], np.cumsum(counts)]), lengths / counts, time)

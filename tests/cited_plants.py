@@ -1,0 +1,29 @@
+"""Plants with the numbers that their sources print."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Cantilever on a driven base with a point mass m_t at its tip: S. Devasia, B. Paden, C. Rossi, "Exact-output tracking theory for
+# systems with parameter jumps", International Journal of Control, accepted 1996. M x'' + S x = [1 0 0]' u,
+# x = (base translation x1, tip translation x2, tip rotation x3), output x2.
+CANTILEVER_M = np.array([[156.0, 54.0, -13.0], [54.0, 156.0, -22.0], [-13.0, -22.0, 4.0]])  # for m_t = 0
+CANTILEVER_S = np.array([[12.0, -12.0, 6.0], [-12.0, 12.0, -6.0], [6.0, -6.0, 4.0]])
+CANTILEVER_TIP_MASSES = (0.0, 100.0, 10.0)  # on [0, pi/2], (pi/2, 3 pi/2], (3 pi/2, 2 pi]
+
+# The joints of models/cantilever.xml are q = (x1, x2 - x1, x3): x = T q, and the same for the velocities.
+_T = np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+PAPER_FROM_MJCF = np.kron(np.eye(2), _T)
+
+
+def cantilever_paper(m_t: float) -> tuple[Array, Array, Array]:
+    """(A (6, 6), B (6, 1), C (1, 6)) of the cantilever in the paper's state (x1, x2, x3, x1', x2', x3')."""
+    M = CANTILEVER_M.copy()
+    M[1, 1] += m_t
+    A = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.linalg.solve(M, CANTILEVER_S), np.zeros((3, 3))]])
+    B = np.concatenate([np.zeros(3), np.linalg.solve(M, [1.0, 0.0, 0.0])])[:, None]
+    C = np.eye(6)[[1]]
+    return A, B, C

@@ -1,0 +1,136 @@
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from rerun.chunk import OptimizationProfile, RrdReader
+
+from invtrack.recording import load_recording, save_recording
+from invtrack.runs.result import RunResult, Signal
+from tests.recording.conftest import Recorded, mechanism_run
+
+
+def test_a_run_comes_back_bit_for_bit(run: RunResult, tmp_path: Path) -> None:
+    path = save_recording(run, tmp_path / "new folder" / "run.rrd")
+    (loaded,) = load_recording(path).values()
+    assert loaded.equals(run)
+    assert loaded.events == tuple(run.events)
+    assert loaded.state.values.dtype == np.float64
+    assert loaded.mjb == run.mjb
+    assert [file.name for file in path.parent.iterdir()] == ["run.rrd"]
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    values=arrays(np.float64, (4, 3), elements=st.floats(width=64)),
+    names=st.lists(st.text(max_size=8), min_size=3, max_size=3),
+    units=st.lists(st.sampled_from(["m", "m/s", "", "N·m", "[odd] unit"]), min_size=3, max_size=3),
+    case=st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=12),
+)
+def test_every_float_and_every_name_survives(
+    values: np.ndarray, names: list[str], units: list[str], case: str, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    def signal(rows: int) -> Signal:
+        return Signal(values[:rows].copy(), tuple(names), tuple(units))
+
+    sampled = {name: signal(4) for name in ("state", "state_reference", "output", "reference", "planned_output")}
+    held = {name: signal(3) for name in ("commanded", "applied", "parameters")}
+    time = np.array([-1.0, -1 / 3, 1e-12, 1e3])
+    settings_of_run = {
+        "manoeuvre": (-1 / 3, 0.1),
+        "timestep": 1e-12,
+        "hold": "continuous",
+        "integrator": "",
+        "vibration_period": 0.1,
+    }
+    saved = RunResult(name=case, model="", time=time, **sampled, **held, **settings_of_run)  # type: ignore[arg-type]
+    loaded = load_recording(save_recording(saved, tmp_path_factory.mktemp("any") / "run.rrd"))[case]
+    assert loaded.equals(saved)
+    finite = ~np.isnan(values)
+    assert np.array_equal(np.signbit(loaded.output.values[finite]), np.signbit(values[finite]))  # equality does not see -0.0
+
+
+def test_cases_come_back_by_name_in_the_order_they_were_saved(run: RunResult, tmp_path: Path) -> None:
+    short = mechanism_run("a shorter one", steps=40)
+    silent = dataclasses.replace(run, name="10 % / ünïcode", events=(), mjb=b"", qpos=np.zeros((0, 0)), parameter_bodies={})
+    path = save_recording([run, short, silent], tmp_path / "cases.rrd")
+    loaded = load_recording(path)
+    assert list(loaded) == ["inversion", "a shorter one", "10 % / ünïcode"]
+    assert all(loaded[case.name].equals(case) for case in (run, short, silent))
+
+
+def test_a_plant_without_geometry_and_parameters(run: RunResult, tmp_path: Path) -> None:
+    none = Signal(np.zeros((run.time.size - 1, 0)), (), ())
+    linear = dataclasses.replace(run, parameters=none, parameter_bodies={}, mjb=b"", qpos=np.zeros((0, 0)))
+    path = save_recording(linear, tmp_path / "linear.rrd")
+    assert load_recording(path)["inversion"].equals(linear)
+    assert not [entity for entity in Recorded(path).batches if "/scene" in entity]
+
+
+@pytest.mark.parametrize("profile", [None, OptimizationProfile.LIVE, OptimizationProfile.OBJECT_STORE])
+def test_a_rearranged_file_holds_the_same_run(run: RunResult, tmp_path: Path, profile: OptimizationProfile | None) -> None:
+    path = save_recording(run, tmp_path / "run.rrd")
+    rearranged = tmp_path / "rearranged.rrd"
+    RrdReader(path).stream().collect(optimize=profile).write_rrd(rearranged, application_id="other", recording_id="other")
+    assert load_recording(rearranged)["inversion"].equals(run)
+
+
+def test_rows_stand_on_their_samples(run: RunResult, tmp_path: Path) -> None:
+    recorded = Recorded(save_recording(run, tmp_path / "run.rrd"))
+    output, force = "/inversion/output/\\[m\\]", "/inversion/applied/\\[N\\]"
+    assert recorded.column(output, "step") == list(range(run.time.size))
+    seconds = np.array([duration.total_seconds() for duration in recorded.column(output, "time")])
+    assert np.abs(seconds - run.time).max() <= 1e-6  # the resolution of datetime.timedelta
+    assert recorded.column(force, "step") == list(range(run.time.size - 1))
+
+
+def test_a_continuous_input_stands_at_mid_step(run: RunResult, tmp_path: Path) -> None:
+    recorded = Recorded(save_recording(dataclasses.replace(run, hold="continuous"), tmp_path / "run.rrd"))
+    seconds = np.array([duration.total_seconds() for duration in recorded.column("/inversion/applied/\\[N\\]", "time")])
+    assert np.abs(seconds - run.time[:-1] - 0.5 * run.timestep).max() <= 1e-6
+
+
+def test_every_series_has_a_name_and_a_unit(run: RunResult, tmp_path: Path) -> None:
+    recorded = Recorded(save_recording([run, mechanism_run("other", steps=20)], tmp_path / "run.rrd"))
+    series = recorded.having("Scalars:scalars")
+    assert len(series) > 20
+    for path in series:
+        (names,) = recorded.column(path, "SeriesLines:names")
+        assert len(names) == len(recorded.column(path, "Scalars:scalars")[0])
+        assert all(name == "events" or name.endswith("]") for name in names)
+    assert recorded.column("/inversion/output/\\[m\\]", "SeriesLines:names") == [["inversion: tip_position [m]"]]
+
+
+def test_the_error_is_output_minus_reference_and_its_logarithm(run: RunResult, tmp_path: Path) -> None:
+    recorded = Recorded(save_recording(run, tmp_path / "run.rrd"))
+    error = np.ravel(recorded.column("/inversion/error/\\[m\\]", "Scalars:scalars"))
+    assert np.array_equal(error + run.reference.values[:, 0], run.output.values[:, 0]) or np.allclose(
+        error + run.reference.values[:, 0], run.output.values[:, 0], rtol=0, atol=1e-15
+    )
+    decades = np.ravel(recorded.column("/inversion/log10_error/\\[m\\]", "Scalars:scalars"))
+    large = np.abs(error) > 1e-12
+    assert np.allclose(10.0 ** decades[large], np.abs(error[large]), rtol=1e-12)
+    assert decades.min() > -17  # exact agreement is shown at the level of rounding, not at minus infinity
+
+
+def test_events_stand_at_their_times(run: RunResult, tmp_path: Path) -> None:
+    recorded = Recorded(save_recording(run, tmp_path / "run.rrd"))
+    texts = [text for (text,) in recorded.column("/inversion/events", "TextLog:text")]
+    seconds = [duration.total_seconds() for duration in recorded.column("/inversion/events", "time")]
+    assert [event.text in text for event, text in zip(run.events, texts, strict=True)] == [True] * 3
+    assert seconds == pytest.approx([0.0, 0.3, 0.8], abs=1e-6)
+    steps = recorded.column("/inversion/events", "step")
+    assert run.time[steps] == pytest.approx(seconds, abs=0.5 * run.timestep)
+
+
+def test_every_view_shows_entities_that_exist(run: RunResult, tmp_path: Path) -> None:
+    path = save_recording([run, mechanism_run("other one", steps=20)], tmp_path / "run.rrd")
+    layout, recorded = Recorded(path, blueprint=True), Recorded(path)
+    queries = [query for view in layout.having("ViewContents:query") for query in layout.column(view, "ViewContents:query")[0]]
+    assert "/other\\ one/output/\\[m\\]" in queries
+    assert {query for query in queries if query != "$origin/**"} <= set(recorded.batches)

@@ -1,0 +1,49 @@
+"""The shipped cantilever with its papers' motion, as the simulation tests use it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import invtrack
+
+JUMPS = (np.pi / 2, 3 * np.pi / 2)
+MASSES = (0.0, 100.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Rig:
+    plant: invtrack.Plant
+    model: invtrack.SwitchedSystem
+    reference: invtrack.PiecewiseSignal
+    nominal: invtrack.NominalTrajectory
+    gains: invtrack.GainSchedule
+    schedule: list[invtrack.Change]
+
+    @property
+    def controller(self) -> invtrack.TrackingController:
+        return invtrack.TrackingController(self.nominal, self.gains)
+
+
+def cantilever_plant() -> invtrack.Plant:
+    return invtrack.Plant.from_xml(
+        invtrack.model_path("cantilever"),
+        inputs=["base_force"],
+        outputs=["tip_position"],
+        parameters={"tip_mass": invtrack.BodyMass("tip")},
+    )
+
+
+def cantilever_rig(tolerance: float = 1e-11) -> Rig:
+    plant = cantilever_plant()
+    model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=m) for m in MASSES], JUMPS)
+    reference = invtrack.versine()
+    return Rig(
+        plant=plant,
+        model=model,
+        reference=reference,
+        nominal=invtrack.invert(model, reference, tolerance=tolerance),
+        gains=invtrack.lqr(model, Q=100.0, R=0.01),
+        schedule=[invtrack.Change(t, tip_mass=m) for t, m in zip(JUMPS, MASSES[1:], strict=True)],
+    )

@@ -1,0 +1,137 @@
+"""The claim of the parameter-jump paper in MuJoCo: exact tracking through both jumps, from rest."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import pytest
+
+import invtrack
+from invtrack.control.protocol import Instants
+from invtrack.control.tracking import TrackingLaw
+from tests.simulation.rigs import JUMPS, MASSES, Rig, cantilever_rig
+
+STEP = 1e-3
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return cantilever_rig()
+
+
+@pytest.fixture(scope="module")
+def run(rig: Rig) -> invtrack.RunResult:
+    return invtrack.simulate(rig.plant, rig.controller, schedule=rig.schedule, timestep=STEP, name="inversion")
+
+
+def short_run(rig: Rig, controller: invtrack.TrackingController | None = None, **options: object) -> invtrack.RunResult:
+    """From the plan's state a little before the manoeuvre: what is looked at happens around the jumps."""
+    start = -2.0
+    settings: dict[str, object] = {"schedule": rig.schedule, "timestep": 4e-3, "start": start, "stop": 8.0, **options}
+    return invtrack.simulate(rig.plant, controller or rig.controller, initial_state=rig.nominal(start).x[0], **settings)  # type: ignore[arg-type]
+
+
+def test_from_rest_the_tip_follows_through_both_jumps(run: invtrack.RunResult) -> None:
+    assert run.status == "completed"
+    assert not np.any(run.state.values[0])
+    assert np.ptp(run.reference.values) == pytest.approx(2.0)
+    assert invtrack.max_error(run) <= 1e-6
+
+
+def test_residual_vibration_against_an_inverse_that_ignores_the_jumps(rig: Rig, run: invtrack.RunResult) -> None:
+    assert invtrack.residual_vibration(run) <= 2e-6
+    frozen = invtrack.invert(rig.model.systems[0], rig.reference)
+    frozen_run = invtrack.simulate(
+        rig.plant, invtrack.TrackingController(frozen, rig.gains), schedule=rig.schedule, timestep=4e-3, name="frozen_inversion"
+    )
+    assert invtrack.residual_vibration(frozen_run) > 1e5 * invtrack.residual_vibration(run)
+
+
+def test_the_feedback_has_nothing_to_do(rig: Rig, run: invtrack.RunResult) -> None:
+    feedforward = rig.nominal(run.time[:-1] + np.diff(run.time) / 2).u
+    effort = run.commanded.values - feedforward
+    assert np.max(np.abs(effort)) <= 1e-5 * np.max(np.abs(feedforward))
+    assert invtrack.peak_input(run) == pytest.approx(268, abs=1)
+
+
+def test_continuous_hold_is_exact_to_what_the_preactuation_leaves(rig: Rig) -> None:
+    result = invtrack.simulate(rig.plant, rig.controller, schedule=rig.schedule, timestep=4e-3, hold="continuous")
+    assert invtrack.max_error(result) <= 1e-9
+
+
+@pytest.mark.parametrize(("hold", "steps", "order"), [("midpoint", (8e-3, 4e-3, 2e-3), 2), ("continuous", (0.16, 0.08, 0.04), 4)])
+def test_order_of_the_error_in_the_step(rig: Rig, hold: str, steps: tuple[float, ...], order: int) -> None:
+    errors = [invtrack.max_error(short_run(rig, hold=hold, timestep=step)) for step in steps]
+    slopes = np.diff(np.log(errors)) / np.diff(np.log(steps))
+    np.testing.assert_allclose(slopes, order, atol=0.25)
+
+
+def test_recorded_input_replayed_gives_the_recorded_states_bitwise(rig: Rig) -> None:
+    result = short_run(rig)
+    model = rig.plant.model_with({"tip_mass": MASSES[0]})
+    data = rig.plant.new_data(model)
+    data.qpos[:] = result.qpos[0]
+    data.qvel[:] = result.state.values[0, 3:]
+    masses = result.parameters["tip_mass"]
+    edges = np.union1d([result.time[0], 0.0, *JUMPS, 2 * np.pi], [result.time[-1]])
+    for i, u in enumerate(result.applied.values):
+        if i and masses[i] != masses[i - 1]:
+            rig.plant.apply(model, {"tip_mass": masses[i]})
+        k = np.searchsorted(edges, result.time[i] + 1e-6) - 1
+        model.opt.timestep = (edges[k + 1] - edges[k]) / np.ceil((edges[k + 1] - edges[k]) / 4e-3 * (1 - 1e-9))
+        data.ctrl[:] = u
+        mujoco.mj_step(model, data)
+        assert np.array_equal(data.qpos, result.qpos[i + 1])
+        assert np.array_equal(data.qvel, result.state.values[i + 1, 3:])
+
+
+def test_jumps_are_recorded_as_events_and_parameters(run: invtrack.RunResult) -> None:
+    changes = [event for event in run.events if event.kind == "parameter"]
+    assert [event.time for event in changes] == list(JUMPS)
+    assert [event.text for event in changes] == ["tip_mass = 100 kg", "tip_mass = 10 kg"]
+    before, after = (run.parameters["tip_mass"][run.time[:-1] < JUMPS[0]], run.parameters["tip_mass"][run.time[:-1] >= JUMPS[0]])
+    assert np.all(before == 0)
+    assert after[0] == 100
+
+
+class LateLaw(TrackingLaw):
+    def update(self, index: int, measurement: np.ndarray) -> np.ndarray:
+        return super().update(max(index - 1, 0), measurement)
+
+
+class LateController(invtrack.TrackingController):
+    """Mutant: everything one step late."""
+
+    def begin(self, instants: Instants) -> LateLaw:
+        law = super().begin(instants)
+        return LateLaw(law._offset, law._gains)
+
+
+class WrongSideController(invtrack.TrackingController):
+    """Mutant: gains and plan are taken from the interval before the one that an instant belongs to."""
+
+    def begin(self, instants: Instants) -> TrackingLaw:
+        edges = self.breakpoints
+        piece = np.searchsorted(edges, instants.inside)
+        earlier = np.where(piece > 0, edges[np.maximum(piece - 1, 0)] - 1e-3, instants.inside)
+        return super().begin(Instants(instants.time, instants.hold, earlier))
+
+
+def test_mutants_of_the_controller_break_the_tracking(rig: Rig) -> None:
+    good = invtrack.max_error(short_run(rig))
+    wrong_sign = invtrack.GainSchedule(tuple(-gain for gain in rig.gains.gains), rig.gains.switch_times)
+    for mutant in (
+        invtrack.TrackingController(rig.nominal, wrong_sign),
+        LateController(rig.nominal, rig.gains),
+        WrongSideController(rig.nominal, rig.gains),
+    ):
+        result = short_run(rig, mutant)
+        assert result.status == "diverged" or invtrack.max_error(result) > 20 * good
+
+
+def test_masses_off_and_jumps_late_are_seen(rig: Rig) -> None:
+    good = invtrack.max_error(short_run(rig))
+    off = [invtrack.Change(JUMPS[0], tip_mass=105.0), invtrack.Change(JUMPS[1], tip_mass=10.5)]
+    late = [invtrack.Change(t + 0.05, tip_mass=m) for t, m in zip(JUMPS, MASSES[1:], strict=True)]
+    for schedule in (off, late):
+        assert invtrack.max_error(short_run(rig, schedule=schedule)) > 100 * good

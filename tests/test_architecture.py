@@ -1,0 +1,108 @@
+"""The order of the rooms: theory knows nothing of MuJoCo, outside libraries have one place each, no import goes backwards."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import invtrack
+
+PACKAGE = Path(invtrack.__file__).parent
+CHECKOUT = Path(__file__).parents[1]
+
+# Room: the rooms and the libraries that it may import. All may import errors, numpy and the standard library.
+THEORY = {"scipy"}
+ROOMS: dict[str, set[str]] = {
+    "errors": set(),
+    "lti": {*THEORY},
+    "signals": {"lti", *THEORY},
+    "inversion": {"lti", "signals", *THEORY},
+    "redesign": {"lti", "signals", *THEORY},
+    "control": {"lti", "signals", *THEORY},
+    "runs": {"rich", "tyro"},
+    "physics": {"lti", "mujoco", *THEORY},
+    "simulation": {"lti", "signals", "control", "physics", "runs", "mujoco", *THEORY},
+    "evaluation": {"runs"},
+    "recording": {"runs", "mujoco", "rerun"},
+    "figures": {"runs", "signals", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
+}
+EVERYWHERE = {"errors", "numpy"}
+VAGUE_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}
+
+SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imported(source: str, package: str) -> Iterator[str]:
+    """Every room and outside library that a module of `package` ("invtrack.lti") imports, wherever in the file."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            base = package.split(".")[: len(package.split(".")) + 1 - node.level] if node.level else []
+            module = ".".join([*base, *([node.module] if node.module else [])])
+            # `from invtrack import lti` names the room in its second half.
+            names = [f"{module}.{alias.name}" for alias in node.names] if module == "invtrack" else [module]
+        else:
+            continue
+        for name in names:
+            top, _, rest = name.partition(".")
+            if top == "invtrack":
+                yield rest.partition(".")[0] or "invtrack itself"
+            elif top not in sys.stdlib_module_names:
+                yield top
+
+
+def trespasses(source: str, room: str) -> set[str]:
+    return set(imported(source, f"invtrack.{room}")) - ROOMS[room] - EVERYWHERE - {room}
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.relative_to(PACKAGE).as_posix())
+def test_imports_follow_the_order_of_the_rooms(path: Path) -> None:
+    room = room_of(path)
+    assert room in ROOMS, f"{room} is a new room: say in ROOMS what it may import"
+    found = trespasses(path.read_text(), room)
+    assert not found, f"{path.relative_to(PACKAGE)} imports {', '.join(sorted(found))}; {room} may import {sorted(ROOMS[room])}"
+
+
+def test_the_order_has_no_way_back() -> None:
+    seen: list[str] = []
+    remaining = {room: allowed & ROOMS.keys() for room, allowed in ROOMS.items()}
+    while remaining:
+        free = [room for room, needs in remaining.items() if needs <= set(seen)]
+        assert free, f"rooms that need each other: {sorted(remaining)}"
+        seen += free
+        remaining = {room: needs for room, needs in remaining.items() if room not in free}
+
+
+@pytest.mark.parametrize(
+    ("room", "source", "found"),
+    [
+        ("lti", "import mujoco", {"mujoco"}),
+        ("lti", "from invtrack.signals.piecewise import Piecewise", {"signals"}),
+        ("lti", "from invtrack import signals, errors", {"signals"}),
+        ("lti", "from ..physics import plant", {"physics"}),
+        ("lti", "from . import state_space", set()),
+        ("lti", "import invtrack", {"invtrack itself"}),
+        ("lti", "def f():\n    import mujoco.rollout", {"mujoco"}),
+        ("physics", "import mujoco, json\nfrom invtrack.lti.state_space import StateSpace", set()),
+        ("physics", "from invtrack.inversion import stable", {"inversion"}),
+        ("simulation", "import rerun as rr", {"rerun"}),
+        ("evaluation", "import matplotlib.pyplot as plt", {"matplotlib"}),
+    ],
+)
+def test_a_trespass_is_seen(room: str, source: str, found: set[str]) -> None:
+    assert trespasses(source, room) == found
+
+
+def test_no_file_has_a_name_that_says_nothing() -> None:
+    places = [PACKAGE, *(CHECKOUT / name for name in ("sims", "tests"))]
+    vague = [path for place in places for path in place.rglob("*") if path.stem in VAGUE_NAMES]
+    assert not vague
