@@ -17,6 +17,9 @@ from invtrack.lti.switched import SwitchedSystem, as_switched
 
 Array = NDArray[np.float64]
 
+POLE_TOLERANCE = 1e-3
+"""Placed poles must be met to this share of the largest: a mode that no input moves is seen as a miss, not as rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class GainSchedule:
@@ -32,6 +35,10 @@ class GainSchedule:
                 f"expected one gain more than switch times, all of one shape; got gains of shapes {shapes} and "
                 f"{len(self.switch_times)} switch times"
             )
+        if not (np.all(np.isfinite(self.switch_times)) and np.all(np.diff(self.switch_times) > 0)):
+            raise ControlError(f"switch times of gains must be finite and increase, got {np.asarray(self.switch_times).tolist()}")
+        if not all(np.all(np.isfinite(gain)) for gain in self.gains):
+            raise ControlError("a gain has entries that are not finite")
 
     def interval(self, t: ArrayLike) -> NDArray[np.intp]:
         """Index of the gain in force at each time."""
@@ -78,9 +85,17 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
 
     def gain(system: StateSpace) -> Array:
         try:
-            return np.asarray(scipy.signal.place_poles(system.A, system.B, wanted).gain_matrix, dtype=float)
+            K = np.asarray(scipy.signal.place_poles(system.A, system.B, wanted).gain_matrix, dtype=float)
         except ValueError as error:
             raise ControlError(f"poles cannot be placed: {error}") from error
+        distance = np.abs(np.linalg.eigvals(system.A - system.B @ K)[:, None] - wanted)
+        miss = max(distance.min(axis=0).max(), distance.min(axis=1).max())
+        if miss > POLE_TOLERANCE * np.max(np.abs(wanted)):
+            raise ControlError(
+                f"poles cannot be placed: they are missed by {miss:.1e}, so the inputs {list(system.input_names)} cannot move every "
+                "mode, or the poles lie too far from those of the plant"
+            )
+        return K
 
     return _per_interval(plant, gain)
 

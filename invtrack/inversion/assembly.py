@@ -127,7 +127,8 @@ def assemble(plant: SwitchedSystem, splits: Sequence[SplitDynamics], reference: 
         right = int(np.searchsorted(edges, t, side="right"))  # the piece that starts at the jump
         zeta_left = inverses[kind[right - 1]].Z @ _used(end_anchors, inverses[kind[right - 1]], right - 1)
         zeta_right = inverses[kind[right]].Z @ _used(reference.anchors, inverses[kind[right]], right)
-        conditions, check, size = _junction(splits[k], splits[k + 1], intervals[k], intervals[k + 1], zeta_left, zeta_right)
+        peak = _derivative_sizes(reference, splits[k + 1])
+        conditions, check, size = _junction(splits[k], splits[k + 1], intervals[k], intervals[k + 1], zeta_left, zeta_right, peak)
         junctions.append(conditions)
         checks.append(check)
         sizes.append(size)
@@ -159,14 +160,15 @@ def _inverse_of_each(
     plant: SwitchedSystem, splits: Sequence[SplitDynamics], reference: PiecewiseSignal, owner: NDArray[np.intp]
 ) -> tuple[list[InversePiece], NDArray[np.intp]]:
     """The distinct inverses (plant model and reference generator), and which one each piece uses."""
-    known: dict[tuple[int, int], int] = {}
+    known: dict[tuple[int, int, bool], int] = {}
     inverses: list[InversePiece] = []
     kind = np.empty(len(owner), dtype=np.intp)
     for piece, (k, g) in enumerate(zip(owner, reference.kind, strict=True)):
-        key = (id(plant.systems[k]), int(g))
+        endless = piece in (0, len(owner) - 1)
+        key = (id(plant.systems[k]), int(g), endless)
         if key not in known:
             known[key] = len(inverses)
-            inverses.append(inverse_piece(plant.systems[k], splits[k], reference.generators[g]))
+            inverses.append(inverse_piece(plant.systems[k], splits[k], reference.generators[g], endless=endless))
         kind[piece] = known[key]
     return inverses, kind
 
@@ -207,8 +209,20 @@ def _interval(
     return Interval(pieces, total, E_s, z_s, E_u, z_u, forced_s, forced_u)
 
 
+def _derivative_sizes(reference: PiecewiseSignal, split: SplitDynamics) -> Array:
+    """Largest size over the whole reference of each entry of zeta: at a jump itself it may be passing through zero."""
+    sizes = [reference.size(order)[i] for i, r in enumerate(split.internal.form.relative_degree) for order in range(r)]
+    return np.array(sizes, dtype=float)
+
+
 def _junction(
-    left: SplitDynamics, right: SplitDynamics, before: Interval, after: Interval, zeta_left: Array, zeta_right: Array
+    left: SplitDynamics,
+    right: SplitDynamics,
+    before: Interval,
+    after: Interval,
+    zeta_left: Array,
+    zeta_right: Array,
+    zeta_peak: Array,
 ) -> tuple[Conditions, tuple[int, float], float]:
     """Continuity of the state at a jump, in the new interval's coordinates; rows scaled to unit size."""
     form_l, form_r = left.internal.form, right.internal.form
@@ -224,14 +238,14 @@ def _junction(
     rhs[:rho] += zeta_right
     rhs[rho + n_s :] += after.p_u
     row_size = np.maximum(np.max(np.abs(T) @ np.abs(np.hstack([x_from_s, x_from_u])), axis=1, initial=0.0), np.finfo(float).tiny)
-    rhs_size = np.abs(T) @ np.abs(known) + np.concatenate([np.abs(zeta_right), np.zeros(len(T) - rho)])
+    rhs_size = np.abs(T) @ np.abs(known) + np.concatenate([np.maximum(np.abs(zeta_right), zeta_peak), np.zeros(len(T) - rho)])
     # Rows of C* that are the same on both sides hold no unknown: they are checked, not solved for.
     empty = np.zeros(len(T), dtype=bool)
     empty[:rho] = np.max(np.abs(rows_left[:rho]), axis=1, initial=0.0) <= SAME_ROW_TOLERANCE * row_size[:rho]
     misses = np.where(empty & (rhs_size > 0), np.abs(rhs) / np.where(rhs_size > 0, rhs_size, 1.0), 0.0)
     worst = int(np.argmax(misses)) if len(misses) else 0
-    scale = np.concatenate([row_size[:rho], np.ones(len(T) - rho)])
-    rows_left, rows_right, rhs = rows_left / scale[:, None], rows_right / scale[:, None], rhs / scale
     kept = ~empty
-    size = float(np.max(np.abs(rhs_size / scale)[kept], initial=0.0))
-    return Conditions(rows_left[kept], rows_right[kept], rhs[kept]), (worst, float(misses[worst])), size
+    scale = np.concatenate([row_size[:rho], np.ones(len(T) - rho)])[kept]
+    rows_left, rows_right, rhs = rows_left[kept] / scale[:, None], rows_right[kept] / scale[:, None], rhs[kept] / scale
+    size = float(np.max(rhs_size[kept] / scale, initial=0.0))
+    return Conditions(rows_left, rows_right, rhs), (worst, float(misses[worst])), size

@@ -22,8 +22,9 @@ class InversePiece:
     """Matrices of the inverse of one plant for references from one generator w' = S w.
 
     z_s' = A_s z_s + D_s w, z_u' = A_u z_u + D_u w, zeta = Z w. steady_s, steady_u: the bounded particular solutions z = steady w
-    that hold where the generator runs on for ever (the equilibrium, where it holds a constant). inside, before, after: the two-
-    sided generators of [x; u; y] within the manoeuvre, before and after it.
+    that hold where the generator runs on for ever (the equilibrium, where it holds a constant); zero for a piece that ends, which
+    may well excite a zero of the plant. inside, before, after: the two-sided generators of [x; u; y] within the manoeuvre, before
+    and after it.
     """
 
     D_s: Array
@@ -36,7 +37,7 @@ class InversePiece:
     after: TwoSidedGenerator
 
 
-def inverse_piece(system: StateSpace, split: SplitDynamics, generator: Generator) -> InversePiece:
+def inverse_piece(system: StateSpace, split: SplitDynamics, generator: Generator, *, endless: bool) -> InversePiece:
     """Inverse of `system` for outputs y_d = R w, w' = S w.
 
     With x = P zeta + V eta and u = B_y^-1 (y_d^(r) - A_x x) (Devasia 1996, eqs. 7-9; Devasia, Paden, Rossi 1996, eqs. 3-5).
@@ -48,7 +49,9 @@ def inverse_piece(system: StateSpace, split: SplitDynamics, generator: Generator
     highest = np.array([derivatives[r][i] for i, r in enumerate(form.relative_degree)])
     drive = np.vstack([Z, highest])
     D_s, D_u = split.G_s @ drive, split.G_u @ drive
-    steady_s, steady_u = _steady(split.A_s, D_s, generator), _steady(split.A_u, D_u, generator)
+    steady_s, steady_u = np.zeros_like(D_s), np.zeros_like(D_u)
+    if endless:
+        steady_s, steady_u = _steady(split.A_s, D_s, generator), _steady(split.A_u, D_u, generator)
 
     F, G = form.tracking_law()
 

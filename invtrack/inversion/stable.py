@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.errors import BoundednessError, CompatibilityError, TrajectoryError
-from invtrack.inversion.assembly import Assembly, assemble
+from invtrack.errors import BoundednessError, CompatibilityError, InversionError, TrajectoryError
+from invtrack.inversion.assembly import SAME_ROW_TOLERANCE, Assembly, assemble
 from invtrack.inversion.boundary_value import BoundaryValueSolution, solve
 from invtrack.inversion.decay import decay_time
+from invtrack.inversion.decay_stops import decay_stops
 from invtrack.lti.switched import SwitchedSystem, as_switched
 from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
 from invtrack.signals.certificate import certify
@@ -40,10 +41,15 @@ def invert(
     what counts as rest at the two ends, as a share of each state's and input's peak; it sets how early the plan starts.
     max_preactuation [s] limits that, at the price of a start that is not quite at rest, which `remarks` states.
 
-    Raises TrajectoryError (reference not smooth enough, wrong number of channels), RelativeDegreeError, NonHyperbolicError (first
-    and last interval), CompatibilityError (a jump at which no continuous state keeps the output exact), BoundednessError (no
-    bounded solution). Sources: Devasia, Chen, Paden 1996; Devasia, Paden, Rossi 1996, Lemma 1.
+    Raises TrajectoryError (reference not smooth enough, wrong number of channels), InversionError (options out of range),
+    RelativeDegreeError, NonHyperbolicError (zeros on the imaginary axis, in any interval), CompatibilityError (a jump at which no
+    continuous state keeps the output exact), BoundednessError (no bounded solution). Sources: Devasia, Chen, Paden 1996; Devasia,
+    Paden, Rossi 1996, Lemma 1.
     """
+    if not 0 < tolerance < 1 or (max_preactuation is not None and not max_preactuation >= 0):
+        raise InversionError(
+            f"tolerance must lie between 0 and 1 and max_preactuation must not be negative, got {tolerance} and {max_preactuation}"
+        )
     plant = as_switched(model)
     point = plant.systems[0].operating_point
     if reference.n_channels != plant.systems[0].n_channels:
@@ -52,7 +58,7 @@ def invert(
     deviation = reference + constant(-point.y0, at=reference.support[0]) if np.any(point.y0) else reference
     splits = _split_each(plant)
     _require_smooth(plant, splits, reference)
-    assembly = assemble(plant, splits, deviation.refined(plant.switch_times))
+    assembly = assemble(plant, splits, deviation.refined([*plant.switch_times, *decay_stops(deviation)]))
     solution = solve(assembly.first, assembly.junctions, assembly.last)
     _require_consistent(plant, splits, assembly, solution)
     trajectory = assembly.trajectory(solution.values)
@@ -83,10 +89,9 @@ def _split_each(plant: SwitchedSystem) -> list[SplitDynamics]:
 
 def _require_smooth(plant: SwitchedSystem, splits: list[SplitDynamics], reference: PiecewiseSignal) -> None:
     """Within an interval of relative degree r, y_d ... y_d^(r-1) must be continuous; at a jump the conditions there decide."""
-    degrees = np.array([split.internal.form.relative_degree for split in splits])
     after = plant.interval(reference.breakpoints)
     before = np.searchsorted(plant.switch_times, reference.breakpoints, side="left")
-    needed = np.minimum(degrees[before], degrees[after])  # (breakpoints, p)
+    needed = np.array([_shared_orders(splits[i], splits[j]) for i, j in zip(before, after, strict=True)])  # (breakpoints, p)
     for order in range(int(needed.max(initial=0))):
         discontinuous = (reference.jumps(order) > 1e-9) & (order < needed)
         if np.any(discontinuous):
@@ -97,6 +102,25 @@ def _require_smooth(plant: SwitchedSystem, splits: list[SplitDynamics], referenc
                 f"t = {reference.breakpoints[at]:.6g} s, so it has {order} continuous derivatives (the value counted), but the "
                 f"plant's relative degree {r} needs {r}; use a smoother profile, for instance rest_to_rest(..., smoothness={r})"
             )
+
+
+def _shared_orders(left: SplitDynamics, right: SplitDynamics) -> list[int]:
+    """Per output, how many of y, y', ... are the same functions of the state in both intervals, so that they cannot jump."""
+    rows = [_derivative_rows(split) for split in (left, right)]
+    return [
+        next((k for k, (a, b) in enumerate(zip(*pair, strict=False)) if not _same_row(a, b)), min(len(pair[0]), len(pair[1])))
+        for pair in zip(*rows, strict=True)
+    ]
+
+
+def _derivative_rows(split: SplitDynamics) -> list[Array]:
+    """The rows of C* of each output."""
+    form = split.internal.form
+    return np.split(form.C_star, np.cumsum(form.relative_degree)[:-1])
+
+
+def _same_row(a: Array, b: Array) -> bool:
+    return bool(np.all(np.abs(a - b) <= SAME_ROW_TOLERANCE * np.maximum(np.abs(a), np.abs(b)).max()))
 
 
 def _require_consistent(

@@ -5,13 +5,20 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from invtrack.errors import InversionError
+from invtrack.errors import InversionError, TrajectoryError
+from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import as_switched
 from invtrack.signals.certificate import certify
 from invtrack.signals.nominal import NominalTrajectory, TwoSidedGenerator, TwoSidedTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 from invtrack.signals.profiles import constant
+
+Array = NDArray[np.float64]
+
+CONDITION_LIMIT = 1e14
+"""Largest condition number, in the best of units, with which the equations of the steady state still count as solvable."""
 
 
 def static_reference(model: Any, reference: PiecewiseSignal) -> NominalTrajectory:
@@ -20,12 +27,15 @@ def static_reference(model: Any, reference: PiecewiseSignal) -> NominalTrajector
     No inverse stands behind it: it is not a trajectory of the plant (its certificate's dynamics residual says by how much), and
     with feedback around it, it is what a controller without inversion does.
 
-    Raises InversionError where some output cannot be held (a zero at s = 0).
+    Raises InversionError where some output cannot be held (a zero at s = 0), TrajectoryError for a wrong number of channels.
     """
     plant = as_switched(model)
     first = plant.systems[0]
-    n, p = first.n_states, first.n_channels
+    p = first.n_channels
     point = first.operating_point
+    if reference.n_channels != p:
+        names = list(first.output_names)
+        raise TrajectoryError(f"the reference has {reference.n_channels} channels, the plant {p} outputs {names}")
     deviation = reference + constant(-point.y0, at=reference.support[0]) if np.any(point.y0) else reference
     deviation = deviation.refined(plant.switch_times)
     edges = deviation.breakpoints
@@ -37,11 +47,7 @@ def static_reference(model: Any, reference: PiecewiseSignal) -> NominalTrajector
         if key not in known:
             known[key] = len(generators)
             system, generator = plant.systems[key[0]], deviation.generators[key[1]]
-            pencil = np.block([[system.A, system.B], [system.C, system.D]])
-            if np.linalg.cond(pencil) > 1e14:
-                raise InversionError(f"the outputs {list(system.output_names)} cannot be held at constant values (a zero at s = 0)")
-            rows = np.linalg.solve(pencil, np.vstack([np.zeros((n, p)), np.eye(p)])) @ generator.R
-            rows = np.vstack([rows, generator.R])
+            rows = np.vstack([_steady_state(system) @ generator.R, generator.R])
             none = np.zeros((0, 0))
             generators.append(TwoSidedGenerator(generator.S, rows, none, np.zeros((len(rows), 0))))
         kind[piece] = known[key]
@@ -63,3 +69,18 @@ def static_reference(model: Any, reference: PiecewiseSignal) -> NominalTrajector
         certificate=certify(plant, trajectory, deviation, support),
         remarks=("not a trajectory of the plant: the steady state of each wanted output",),
     )
+
+
+def _steady_state(system: StateSpace) -> Array:
+    """[x; u] (n + p, p) that holds each output at one: A x + B u = 0, C x + D u = 1."""
+    pencil = np.block([[system.A, system.B], [system.C, system.D]])
+    n, p = system.n_states, system.n_channels
+    try:
+        inverse = np.linalg.solve(pencil, np.eye(n + p))
+        # The spectral radius of |M^-1| |M| is the condition number that the best scaling of rows and columns reaches (Bauer 1963).
+        condition = float(np.max(np.abs(np.linalg.eigvals(np.abs(inverse) @ np.abs(pencil)))))
+    except np.linalg.LinAlgError:
+        condition = np.inf
+    if not condition < CONDITION_LIMIT:
+        raise InversionError(f"the outputs {list(system.output_names)} cannot be held at constant values (a zero at s = 0)")
+    return np.asarray(inverse[:, n:])

@@ -69,6 +69,8 @@ class StateSpace:
         A, B, C = _matrix("A", A), _matrix("B", B), _matrix("C", C)
         D = np.zeros((C.shape[0], B.shape[1])) if D is None else _matrix("D", D)
         n, p = A.shape[0], B.shape[1]
+        if n == 0 or p == 0:
+            raise ModelError(f"expected at least one state and one input, got {n} states and {p} inputs")
         expected = {"A": (n, n), "B": (n, p), "C": (p, n), "D": (p, p)}
         for name, matrix in (("A", A), ("B", B), ("C", C), ("D", D)):
             if matrix.shape != expected[name]:
@@ -83,6 +85,8 @@ class StateSpace:
                 f"operating point has u0 of shape {operating_point.u0.shape} and y0 of shape {operating_point.y0.shape}, "
                 f"expected ({p},) for both"
             )
+        if not (np.all(np.isfinite(operating_point.u0)) and np.all(np.isfinite(operating_point.y0))):
+            raise ModelError("operating point has entries in u0 or y0 that are not finite")
         values: dict[str, Any] = {
             "A": A,
             "B": B,
@@ -115,6 +119,9 @@ class StateSpace:
         if np.linalg.cond(T) > 1 / np.finfo(float).eps:
             raise ModelError("T is singular to working precision, so it is no change of coordinates")
         right_divide = np.linalg.solve(T.T, np.vstack([self.A, self.C]).T).T  # [A; C] T^-1
+        # The largest factors by which a change of coordinates can raise the error of an entry.
+        rows, columns = np.max(np.abs(T).sum(axis=1)), np.max(np.abs(np.linalg.solve(T, np.eye(len(T)))).sum(axis=0))
+        growth = {"A": rows * columns, "B": rows, "C": columns, "D": 1.0}
         return StateSpace(
             T @ right_divide[: self.n_states],
             T @ self.B,
@@ -124,6 +131,7 @@ class StateSpace:
             input_names=self.input_names,
             output_names=self.output_names,
             operating_point=self.operating_point,
+            error_estimates={name: float(growth[name] * error) for name, error in self.error_estimates.items()},
         )
 
 
@@ -148,7 +156,10 @@ def as_state_space(system: Any) -> StateSpace:
 
 
 def _matrix(name: str, value: ArrayLike) -> Array:
-    matrix = np.array(value, dtype=float)
+    try:
+        matrix = np.array(value).astype(float, casting="same_kind")
+    except (TypeError, ValueError) as error:
+        raise ModelError(f"{name} must be a matrix of real numbers: {error}") from error
     if matrix.ndim != 2:
         raise ModelError(f"{name} must be a matrix, got an array with {matrix.ndim} dimension(s)")
     if not np.all(np.isfinite(matrix)):

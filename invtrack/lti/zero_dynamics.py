@@ -18,8 +18,8 @@ ComplexArray = NDArray[np.complex128]
 AXIS_TOLERANCE = 1e-8
 """An eigenvalue counts as on the imaginary axis where |Re| is below this share of its magnitude."""
 
-ROUNDING_FACTOR = 100.0
-"""Uncertainty of the internal dynamics' matrix, in units of n eps times its norm."""
+ROUNDING_FACTOR = 10.0
+"""Uncertainty of the internal dynamics' matrix, in units of n eps times the norm of the terms that it is the sum of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,8 @@ def internal_dynamics(system: StateSpace) -> InternalDynamics:
     A_eta = form.N @ A_y @ form.V
     scale = np.linalg.norm(form.N, 2) * np.linalg.norm(form.V, 2) if A_eta.size else 0.0
     gain = 1 + np.linalg.norm(system.B @ F, 2) / max(np.linalg.norm(system.A, 2), np.finfo(float).tiny)
-    uncertainty = ROUNDING_FACTOR * system.n_states * np.finfo(float).eps * np.linalg.norm(A_eta)
+    terms = np.abs(form.N) @ (np.abs(system.A) + np.abs(system.B) @ np.abs(F)) @ np.abs(form.V)
+    uncertainty = ROUNDING_FACTOR * system.n_states * np.finfo(float).eps * np.linalg.norm(terms)
     uncertainty += scale * gain * system.error_estimates.get("A", 0.0)
     return InternalDynamics(
         form=form,

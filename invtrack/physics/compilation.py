@@ -36,7 +36,8 @@ def refuse_hidden_state(model: mujoco.MjModel) -> None:
     histories += [element_name(model, "sensor", i) for i in range(model.nsensor) if model.sensor_historyadr[i] >= 0]
     if histories:
         raise PlantError(f"{listed(histories)}: delays and history buffers are no part of the state (qpos, qvel, act); remove them")
-    if model.npluginstate or model.nplastic:
+    plastic = getattr(model, "nplastic", 0)  # MuJoCo has plastic springs since 4.0
+    if model.npluginstate or plastic:
         raise PlantError("plugins with state and plastic springs are no part of the state (qpos, qvel, act); remove them")
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_SENSOR:
         raise PlantError("the model disables sensors, so it has no outputs; remove <flag sensor='disable'/>")

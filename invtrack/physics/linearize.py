@@ -27,7 +27,7 @@ _OPTIONS = {"plant", "step", "equilibrium_tolerance", "allow_nonequilibrium"}
 def linearize(
     plant: Plant,
     *,
-    step: float = 1e-3,
+    step: float = 1e-4,
     equilibrium_tolerance: float = 1e-6,
     allow_nonequilibrium: bool = False,
     **parameter_values: float,
@@ -56,7 +56,7 @@ def linearize(
     if reserved:
         raise PlantError(f"parameters cannot be called {', '.join(reserved)}, which are options of linearize; rename them")
     if not 0 < step < 1:
-        raise PlantError(f"step must lie between 0 and 1 (1e-3 suits most mechanisms), got {step}")
+        raise PlantError(f"step must lie between 0 and 1 (1e-4 suits most mechanisms), got {step}")
     model = plant.model_with(parameter_values)
     refuse_step_maps(model)
     refuse_moving_quaternions(plant)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import invtrack
 from invtrack.errors import PlantError
 
 
@@ -15,7 +14,7 @@ def model_path(name: str) -> Path:
 
     Raises PlantError, with the available names, where there is no such model.
     """
-    package = Path(invtrack.__file__).resolve().parent
+    package = Path(__file__).resolve().parents[1]
     folders = [folder for folder in (package / "models", package.parent / "models") if folder.is_dir()]
     available = {path.stem: path for folder in reversed(folders) for path in folder.glob("*.xml")}
     if name not in available:

@@ -25,17 +25,22 @@ SKY = (176, 190, 204)
 def make_blueprint(runs: Sequence[RunResult], scenes: Sequence[Scene | None]) -> rrb.Blueprint:
     """3-D scene, parameters and events on the left; output, error, input and states on the right, all cases in the same plots."""
     interval = shown_interval(runs)
-    left = [*_scenes(runs, scenes), *_parameters(runs, interval), _events(runs)]
+    shares: dict[float, list[rrb.Container | rrb.View]] = {
+        3.0: _scenes(runs, scenes),
+        1.3: _parameters(runs, interval),
+        1.0: [_events(runs)],
+    }
+    left = rrb.Vertical(
+        *(view for views in shares.values() for view in views), row_shares=[share for share, views in shares.items() if views]
+    )
     right = [
         _side_by_side(_outputs(runs, interval)),
         _tabs([*_errors(runs, interval, "log10_error"), *_errors(runs, interval, "error")]),
         _side_by_side(_inputs(runs, interval)),
         _tabs([view for run in runs for view in _states(run, interval, several=len(runs) > 1)]),
     ]
-    rows = [3.0, 1.3, 1.0][-len(left) :]
-    columns = rrb.Horizontal(rrb.Vertical(*left, row_shares=rows), rrb.Vertical(*right), column_shares=[2, 3])
     return rrb.Blueprint(
-        columns,
+        rrb.Horizontal(left, rrb.Vertical(*right), column_shares=[2, 3] if any(scenes) else [1, 3]),
         rrb.TimePanel(timeline=TIME, state="collapsed", play_state="paused"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -45,14 +50,15 @@ def make_blueprint(runs: Sequence[RunResult], scenes: Sequence[Scene | None]) ->
 
 
 def shown_interval(runs: Sequence[RunResult]) -> tuple[float, float]:
-    """The time [s] that the plots show at first: the manoeuvre, noticeable preactuation and postactuation, vibration after it."""
+    """The time [s] that the plots show at first: the manoeuvre, noticeable preactuation and postactuation, one period of
+    vibration after it."""
     starts, ends = [], []
     for run in runs:
         begin, end = run.manoeuvre
         effort = np.max(np.abs(run.applied.values), axis=1, initial=0.0, where=np.isfinite(run.applied.values))
         active = run.time[:-1][effort > NOTICEABLE * np.max(effort, initial=0.0)]
         starts.append(min([begin, *active[:1]]))
-        ring_down = 5 * run.vibration_period if np.isfinite(run.vibration_period) else 0.0
+        ring_down = run.vibration_period if np.isfinite(run.vibration_period) else 0.0
         ends.append(max([end + max(ring_down, 0.5 * (end - begin)), *active[-1:]]))
     margin = 0.03 * (max(ends) - min(starts))
     first, last = min(run.time[0] for run in runs), max(run.time[-1] for run in runs)
@@ -100,7 +106,7 @@ def _outputs(runs: Sequence[RunResult], interval: tuple[float, float]) -> list[r
                 paths.append(unit_path(run.name, "reference", unit))
             if not _same(run.planned_output, run.reference):
                 paths.append(unit_path(run.name, "planned_output", unit))
-        paths.append(entity_path(runs[0].name, "event_lines", "output", f"[{unit}]"))
+        paths += _event_lines(runs[0], "output", unit)
         views.append(_plot(f"Output and reference [{unit}]", paths, interval))
     return views
 
@@ -109,7 +115,7 @@ def _errors(runs: Sequence[RunResult], interval: tuple[float, float], name: str)
     views = []
     for unit in _units(runs, "output"):
         paths = [unit_path(run.name, name, unit) for run in runs]
-        paths.append(entity_path(runs[0].name, "event_lines", name, f"[{unit}]"))
+        paths += _event_lines(runs[0], name, unit)
         title = f"log10 |error| [log10 {unit}]" if name == "log10_error" else f"Error [{unit}]"
         views.append(_plot(title, paths, interval))
     return views
@@ -121,7 +127,7 @@ def _inputs(runs: Sequence[RunResult], interval: tuple[float, float]) -> list[rr
     for unit in _units(runs, "applied"):
         paths = [unit_path(run.name, "applied", unit) for run in runs]
         paths += [unit_path(run.name, "commanded", unit) for run in runs if not _same(run.commanded, run.applied)]
-        paths.append(entity_path(runs[0].name, "event_lines", "applied", f"[{unit}]"))
+        paths += _event_lines(runs[0], "applied", unit)
         views.append(_plot(f"Input [{unit}]", paths, interval))
     return views
 
@@ -165,12 +171,18 @@ def _plot(name: str, paths: list[str], interval: tuple[float, float]) -> rrb.Vie
     )
 
 
+def _event_lines(run: RunResult, signal: str, unit: str) -> list[str]:
+    return [entity_path(run.name, "event_lines", signal, f"[{unit}]")] if run.events else []
+
+
 def _units(runs: Sequence[RunResult], signal: str) -> list[str]:
     return list(dict.fromkeys(unit for run in runs for unit in getattr(run, signal).units))
 
 
 def _same(one: Signal, other: Signal) -> bool:
-    return np.array_equal(one.values, other.values, equal_nan=True)
+    """Whether two signals differ by no more than rounding, so that a plot of both would show one line."""
+    size = np.max(np.abs(other.values), axis=0, initial=0.0, where=np.isfinite(other.values))
+    return bool(np.all(np.isclose(one.values, other.values, rtol=0.0, atol=1e-9 * size, equal_nan=True)))
 
 
 def _same_reference(one: RunResult, other: RunResult) -> bool:

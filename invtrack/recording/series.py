@@ -68,7 +68,7 @@ def _send_signal(
 
 def _send_error(recording: rr.RecordingStream, result: RunResult, number: int, prefix: str) -> None:
     """Send y - y_d and log10 |y - y_d|, the latter not below the rounding error of the output."""
-    error, output = result.error, result.output
+    error, output = tracking_error(result), result.output
     indexes = time_columns(np.arange(error.shape[0]), result.time[: error.shape[0]])
     for unit, channels in channels_by_unit(output).items():
         names = [output.names[channel] for channel in channels]
@@ -81,12 +81,18 @@ def _send_error(recording: rr.RecordingStream, result: RunResult, number: int, p
         _label(recording, path, [f"{prefix}log10 |{name} error| [log10 {unit}]" for name in names], colors)
 
 
+def tracking_error(result: RunResult) -> Array:
+    """y - y_d, (N + 1, p), NaN or infinite without a warning where a diverged run makes it so."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return result.error
+
+
 def log10_error(result: RunResult) -> Array:
     """log10 |y - y_d|, (N + 1, p), cut off below at the rounding error of the channel's largest finite output or reference."""
     both = np.vstack([result.output.values, result.reference.values])
     peak = np.max(np.abs(both), axis=0, where=np.isfinite(both), initial=0.0)
     floor = np.finfo(float).eps * np.where(peak > 0, peak, 1.0)
-    return np.log10(np.maximum(np.abs(result.error), floor))
+    return np.log10(np.maximum(np.abs(tracking_error(result)), np.maximum(floor, np.finfo(float).tiny)))
 
 
 def send_events(recording: rr.RecordingStream, result: RunResult, *, prefix: str = "") -> None:
@@ -108,7 +114,7 @@ def send_events(recording: rr.RecordingStream, result: RunResult, *, prefix: str
     log_error = Signal(log10_error(result), result.output.names, result.output.units)
     for name, signals in (
         ("output", (result.output, result.reference)),
-        ("error", (Signal(result.error, result.output.names, result.output.units),)),
+        ("error", (Signal(tracking_error(result), result.output.names, result.output.units),)),
         ("log10_error", (log_error,)),
         ("applied", (result.applied, result.commanded)),
     ):

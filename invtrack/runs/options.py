@@ -33,10 +33,15 @@ class SimOptions:
     timestep: float
     """Largest physics step [s]."""
 
+    record_every: int = 10
+    """The recording keeps every so many samples; 1 keeps all (metrics and figures always use all)."""
+
     figures: _Figures = True
     """Whether to draw figures."""
 
     def __post_init__(self) -> None:
+        if self.record_every < 1:
+            raise SimulationError(f"--record-every: expected a whole number from 1 on, got {self.record_every}")
         if not (math.isfinite(self.timestep) and self.timestep > 0):
             raise SimulationError(f"--timestep: expected a positive, finite number of seconds such as 1e-3, got {self.timestep}")
 

@@ -60,12 +60,15 @@ def print_table(
         _print_line(console, "")
 
 
-def short_scientific(value: float) -> str:
-    """A number to three significant digits with a short exponent, such as 6.02e-7; zero is 0."""
+def short_number(value: float) -> str:
+    """A number to three significant digits: plain from 0.01 to 1000, otherwise with a short exponent such as 6.02e-7; zero is 0."""
     if not math.isfinite(value):
         return str(value)
+    rounded = float(f"{value:.2e}")
+    if rounded == 0 or 0.01 <= abs(rounded) < 1000:
+        return f"{rounded:#.3g}".rstrip(".") if rounded else "0"
     mantissa, exponent = f"{value:.2e}".split("e")
-    return f"{mantissa}e{int(exponent)}" if value else "0"
+    return f"{mantissa}e{int(exponent)}"
 
 
 def _print_line(console: Console, line: str, style: str = "") -> None:
@@ -79,16 +82,13 @@ def _header_lines(column: Column) -> list[str]:
 
 
 def _cells(column: Column, rows: Rows) -> list[str]:
-    """The column's cells, numbers padded at the end so that right alignment puts their exponents under each other."""
     cells = []
     for case, row in rows.items():
         if column.key not in row:
             raise InvtrackError(f"row {case!r} has no value {column.key!r}; it has: {', '.join(row) or 'none'}")
         value = row[column.key]
-        cells.append(short_scientific(value) if isinstance(value, float) else "-" if value is None else str(value))
-    numbers = [isinstance(row[column.key], float) and "e" in cell for row, cell in zip(rows.values(), cells, strict=True)]
-    tail = max((len(cell) - cell.index("e") for cell, number in zip(cells, numbers, strict=True) if number), default=0)
-    return [cell.ljust(cell.index("e") + tail) if number else cell for cell, number in zip(cells, numbers, strict=True)]
+        cells.append(short_number(value) if isinstance(value, float) else "-" if value is None else str(value))
+    return cells
 
 
 def _padded(header: Sequence[str], cells: Sequence[str], height: int, *, left: bool = False) -> list[str]:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.lti.propagation import flow
+from invtrack.lti.propagation import Propagator
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.signals.piecewise import PiecewiseSignal
 
@@ -26,6 +27,11 @@ class TwoSidedGenerator:
     X_f: Array
     M_b: Array
     X_b: Array
+
+    @cached_property
+    def propagators(self) -> tuple[Propagator, Propagator]:
+        """Those of the forward and of the backward part."""
+        return Propagator(self.M_f), Propagator(-self.M_b)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,9 +61,9 @@ class TwoSidedTrajectory:
             chosen = np.flatnonzero(self.kind[piece] == index)
             if chosen.size == 0:
                 continue
-            forward = flow(g.M_f, self.v_f[piece[chosen], : len(g.M_f)], since[chosen])
-            backward = flow(-g.M_b, self.v_b[piece[chosen], : len(g.M_b)], until[chosen])
-            result[chosen] = forward @ g.X_f.T + backward @ g.X_b.T
+            forward, backward = g.propagators
+            result[chosen] = forward.outputs(g.X_f, self.v_f[:, : len(g.M_f)], piece[chosen], since[chosen])
+            result[chosen] += backward.outputs(g.X_b, self.v_b[:, : len(g.M_b)], piece[chosen], until[chosen])
         return result
 
 
@@ -66,7 +72,8 @@ class Certificate:
     """How well a planned trajectory meets its conditions, measured from its values alone, not from how it was found.
 
     dynamics_residual: largest |x(b) - x(a) - integral of A x + B u| over panels, relative to each state's peak.
-    output_error: largest |planned output - wanted output|, relative to the peak of the wanted motion.
+    output_error: largest |C x + D u - wanted output| (and whether the planned y says the same), relative to the peak of the wanted
+    motion.
     continuity: largest jump of a state at a breakpoint, relative to its peak.
     rest_residual: largest distance of a state from rest (or from its bounded particular solution) at the ends of the trajectory,
     relative to its peak.

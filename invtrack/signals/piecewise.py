@@ -104,10 +104,10 @@ class PiecewiseSignal:
         """Jump of the derivative of the stated order at each breakpoint, as a share of that derivative's size: (m + 1, p)."""
         left = self(self.breakpoints, derivative=order, inside=self._inner_times()[:-1])
         right = self(self.breakpoints, derivative=order, inside=self._inner_times()[1:])
-        size = self._size(order)
+        size = self.size(order)
         return np.abs(right - left) / np.where(size > 0, size, 1.0)
 
-    def _size(self, order: int) -> Array:
+    def size(self, order: int) -> Array:
         """Largest value of a derivative over points within the pieces (p,), or what rounding of the lower ones leaves."""
         times = self._inner_times()
         spread = np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]]) / 3

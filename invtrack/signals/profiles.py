@@ -24,15 +24,15 @@ def rest_to_rest(
     minimum jerk, 3 degree seven. The inverse of a plant of relative degree r needs smoothness >= r - 1, and has a continuous
     input from r on.
 
-    Raises TrajectoryError for a duration that is not positive or a smoothness outside 0 ... 8.
+    Raises TrajectoryError for a duration that is not positive or a smoothness outside 0 ... 6.
     """
     y_0, y_f = np.atleast_1d(np.asarray(start, dtype=float)), np.atleast_1d(np.asarray(end, dtype=float))
     if y_0.shape != y_f.shape or y_0.ndim != 1:
         raise TrajectoryError(f"start and end must have the same channels, got shapes {y_0.shape} and {y_f.shape}")
     if not (np.isfinite(duration) and duration > 0):
         raise TrajectoryError(f"duration must be a positive number of seconds, got {duration}")
-    if not 0 <= smoothness <= 8:
-        raise TrajectoryError(f"smoothness must be from 0 to 8 (degree 1 to 17), got {smoothness}")
+    if smoothness not in range(7):  # from 7 on, rounding of the coefficients shows as jumps at the end
+        raise TrajectoryError(f"smoothness must be a whole number from 0 to 6 (degree 1 to 13), got {smoothness}")
     # The slope of the unit step is (s (1 - s))^smoothness, up to a factor.
     slope = Polynomial([0.0, 1.0, -1.0]) ** smoothness
     step = slope.integ() / slope.integ()(1.0)
@@ -60,6 +60,8 @@ def piecewise_polynomial(
     if len(pieces) != len(times) - 1 or not pieces:
         raise TrajectoryError(f"expected one polynomial between each two of {len(times)} breakpoints, got {len(pieces)}")
     p, degree = pieces[0].shape[0], max(c.shape[1] for c in pieces) - 1
+    if not time_scale > 0:
+        raise TrajectoryError(f"time_scale must be a positive number of seconds, got {time_scale}")
     if any(c.shape[0] != p for c in pieces):
         raise TrajectoryError(f"all pieces must have the same number of channels, got {[c.shape[0] for c in pieces]}")
     # w_i = the value's i-th Taylor coefficient, in units of time_scale, so that all entries are of the size of the value.
@@ -72,7 +74,10 @@ def piecewise_polynomial(
         anchors[j + 1].reshape(p, degree + 1)[:, : c.shape[1]] = c
     last = ((times[-1] - times[-2]) / time_scale) ** np.arange(pieces[-1].shape[1])
     y_0, y_f = hold if hold is not None else (pieces[0][:, 0], pieces[-1] @ last)
-    anchors[0, :p], anchors[-1, :p] = np.asarray(y_0, dtype=float), np.asarray(y_f, dtype=float)
+    for place, held in ((0, np.asarray(y_0, dtype=float)), (-1, np.asarray(y_f, dtype=float))):
+        if held.shape not in ((), (p,)):
+            raise TrajectoryError(f"hold must give {p} value(s) before and after, got shape {held.shape}")
+        anchors[place, :p] = held
     kind = np.full(len(times) + 1, 1, dtype=np.intp)
     kind[[0, -1]] = 0
     return PiecewiseSignal(times, (constant_generator(p), taylor), kind, anchors)
@@ -86,7 +91,8 @@ def autonomous(S: ArrayLike, R: ArrayLike, w_0: ArrayLike, *, start: float, end:
 
     Raises TrajectoryError where shapes do not fit or end is not after start.
     """
-    S_, R_, w = np.atleast_2d(np.asarray(S, dtype=float)), np.atleast_2d(np.asarray(R, dtype=float)), np.asarray(w_0, dtype=float)
+    S_, R_ = np.atleast_2d(np.asarray(S, dtype=float)), np.atleast_2d(np.asarray(R, dtype=float))
+    w = np.atleast_1d(np.asarray(w_0, dtype=float))
     q = len(w)
     if S_.shape != (q, q) or R_.shape[1] != q:
         raise TrajectoryError(f"w_0 has {q} entries, so S must be ({q}, {q}) and R (p, {q}); got {S_.shape} and {R_.shape}")
@@ -106,8 +112,8 @@ def versine(*, amplitude: float = 1.0, period: float = 2 * np.pi, cycles: int = 
     The reference of Devasia, Paden, Rossi 1996, section 5 (amplitude 1, period 2 pi: a motion of 2 units and back); its second
     derivative jumps at both ends.
     """
-    if not (period > 0 and cycles >= 1):
-        raise TrajectoryError(f"period must be positive and cycles at least 1, got {period} and {cycles}")
+    if not (period > 0 and cycles >= 1 and float(cycles).is_integer()):
+        raise TrajectoryError(f"period must be positive and cycles a whole number from 1 on, got {period} and {cycles}")
     omega = 2 * np.pi / period
     S = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, omega], [0.0, -omega, 0.0]])  # 1, cos, sin
     end = start_time + cycles * period

@@ -90,7 +90,7 @@ def _events(
     plant: Plant, controller: Controller, grid: Grid, later: dict[int, dict[str, float]], time: Array, message: str
 ) -> tuple[Event, ...]:
     T_i, T_f = controller.nominal.support
-    events = [Event(T_i, "manoeuvre", "manoeuvre starts"), Event(T_f, "manoeuvre", "manoeuvre ends")]
+    events = [Event(T_i, "manoeuvre", "starts"), Event(T_f, "manoeuvre", "ends")]
     for edge, values in later.items():
         text = ", ".join(f"{key} = {value:g} {plant.parameter_units[key]}" for key, value in values.items())
         events.append(Event(float(grid.edges[edge]), "parameter", text))

@@ -15,7 +15,7 @@ from invtrack.runs.result import Event, RunResult, Signal
 
 MJCF = """
 <mujoco>
-  <option timestep="0.004" gravity="0 0 0"/>
+  <option timestep="0.004" gravity="0 0 0"><flag contact="disable"/></option>
   <worldbody>
     <geom name="floor" type="plane" size="0 0 1" pos="0 0 -1"/>
     <geom name="hidden" type="sphere" size="1" rgba="1 0 0 0"/>

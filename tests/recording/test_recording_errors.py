@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import rerun as rr
+from rerun.chunk import RrdReader
 
 import invtrack.recording.write as write
 from invtrack.errors import RecordingError
@@ -35,7 +36,7 @@ def test_the_model_must_fit(run: RunResult, tmp_path: Path, monkeypatch: pytest.
         save_recording(dataclasses.replace(run, mjb=b"no model" * 100), "run.rrd")
     with pytest.raises(RecordingError, match="3 positions per sample, its model has 2"):
         save_recording(dataclasses.replace(run, qpos=np.zeros((301, 3))), "run.rrd")
-    with pytest.raises(RecordingError, match="no body 'top'.*cart, arm, tip"):
+    with pytest.raises(RecordingError, match=r"no body 'top'.*cart, arm, tip"):
         save_recording(dataclasses.replace(run, parameter_bodies={"tip_mass": "top"}), "run.rrd")
     with pytest.raises(RecordingError, match="no parameter 'mass'; there are: tip_mass, damping"):
         save_recording(dataclasses.replace(run, parameter_bodies={"mass": "tip"}), "run.rrd")
@@ -67,10 +68,10 @@ def test_a_failure_midway_leaves_the_earlier_recording(run: RunResult, tmp_path:
 
 
 def test_files_that_are_no_recordings(run: RunResult, tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="no recording .*missing"):
+    with pytest.raises(RecordingError, match=r"no recording .*missing"):
         load_recording(tmp_path / "missing.rrd")
     (tmp_path / "text.rrd").write_text("not a recording at all")
-    with pytest.raises(RecordingError, match="cannot read .*text"):
+    with pytest.raises(RecordingError, match=r"cannot read .*text"):
         load_recording(tmp_path / "text.rrd")
     whole = save_recording(run, tmp_path / "run.rrd").read_bytes()
     (tmp_path / "half.rrd").write_bytes(whole[: len(whole) // 2])
@@ -95,8 +96,6 @@ def test_a_later_format_is_refused(run: RunResult, tmp_path: Path, monkeypatch: 
 
 
 def test_missing_data_are_reported(run: RunResult, tmp_path: Path) -> None:
-    from rerun.chunk import RrdReader
-
     path = save_recording(run, tmp_path / "run.rrd")
     stream = RrdReader(path).stream().drop(content="/inversion/applied/**")
     stream.write_rrd(tmp_path / "less.rrd", application_id="less", recording_id="less")

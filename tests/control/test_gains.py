@@ -1,0 +1,106 @@
+"""State feedback gains: optimality, signs, pole placement, refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from invtrack.control.gains import GainSchedule, lqr, place
+from invtrack.errors import ControlError
+from invtrack.lti.state_space import StateSpace
+from invtrack.lti.switched import SwitchedSystem
+from tests.cited_plants import CANTILEVER_TIP_MASSES, cantilever_paper
+from tests.lti.random_plants import assert_same_set
+
+SYSTEMS = [StateSpace(*cantilever_paper(m)) for m in CANTILEVER_TIP_MASSES]
+SWITCHED = SwitchedSystem(SYSTEMS, [np.pi / 2, 3 * np.pi / 2])
+UNSTABLE_UNREACHED = StateSpace(np.diag([1.0, -2.0]), [[0.0], [1.0]], [[1.0, 1.0]])
+STABLE_UNREACHED = StateSpace(np.diag([-1.0, -2.0]), [[0.0], [1.0]], [[1.0, 1.0]])
+DOUBLE_INTEGRATOR = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]])
+
+
+def cost(system: StateSpace, K: np.ndarray, Q: np.ndarray, R: np.ndarray) -> float:
+    """Integral of x'Q x + u'R u for u = -K x, summed over starts at the unit vectors: the trace of the Lyapunov solution."""
+    closed = system.A - system.B @ K
+    assert np.all(np.linalg.eigvals(closed).real < 0)
+    return float(np.trace(scipy.linalg.solve_continuous_lyapunov(closed.T, -(Q + K.T @ R @ K))))
+
+
+def test_every_change_of_the_lqr_gain_costs_more() -> None:
+    """By a share that falls with the square of the change: the cost is stationary, and a minimum."""
+    rng = np.random.default_rng(0)
+    system = StateSpace(rng.normal(size=(4, 4)), rng.normal(size=(4, 2)), rng.normal(size=(2, 4)))
+    Q, R = np.diag([1.0, 2.0, 0.5, 3.0]), np.array([[1.0, 0.2], [0.2, 0.5]])
+    K = lqr(system, Q=Q, R=R).gains[0]
+    best = cost(system, K, Q, R)
+    for _ in range(20):
+        direction = rng.normal(size=K.shape)
+        far, near = ([cost(system, K + sign * h * direction, Q, R) - best for sign in (-1, 1)] for h in (1e-2, 1e-3))
+        assert min(*far, *near) > 0
+        assert sum(far) / sum(near) == pytest.approx(100, rel=0.05)
+
+
+def test_lqr_of_the_double_integrator() -> None:
+    """Q = I, R = 1: K = [1, sqrt 3]."""
+    assert lqr(DOUBLE_INTEGRATOR, Q=1.0, R=1.0).gains[0] == pytest.approx(np.array([[1.0, np.sqrt(3.0)]]))
+
+
+def test_numbers_stand_for_multiples_of_the_identity() -> None:
+    assert lqr(SYSTEMS[1], Q=100.0, R=0.01).gains[0] == pytest.approx(lqr(SYSTEMS[1], Q=100 * np.eye(6), R=[[0.01]]).gains[0])
+
+
+def test_every_interval_is_stabilized_by_u_equal_minus_K_x() -> None:
+    schedule = lqr(SWITCHED, Q=100.0, R=0.01)
+    assert schedule.switch_times == pytest.approx(SWITCHED.switch_times)
+    for system, K in zip(SYSTEMS, schedule.gains, strict=True):
+        assert np.all(np.linalg.eigvals(system.A - system.B @ K).real < 0)
+
+
+def test_placed_poles_are_the_same_in_every_interval() -> None:
+    poles = [-1.0, -1.5, -2 + 1j, -2 - 1j, -0.5 + 3j, -0.5 - 3j]
+    for system, K in zip(SYSTEMS, place(SWITCHED, poles).gains, strict=True):
+        assert_same_set(np.linalg.eigvals(system.A - system.B @ K), poles, 1e-8)
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=np.eye(3), R=1.0), r"Q must be a number or a symmetric \(2, 2\) matrix, got shape \(3, 3\)"),
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=[[1.0, 1.0], [0.0, 1.0]], R=1.0), "Q must be a number or a symmetric"),
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=np.diag([1.0, -1.0]), R=1.0), "Q must be positive semidefinite, its smallest eigenvalue is -1"),
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=1.0, R=0.0), "R must be positive definite"),
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=1.0, R=-1.0), "R must be positive definite"),
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=np.nan, R=1.0), "Q must be a number or a symmetric"),
+        (lambda: lqr(UNSTABLE_UNREACHED, Q=1.0, R=1.0), r"no LQR gain.*inputs \['u1'\] cannot move"),
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=0.0, R=1.0), "Q does not weigh|does not stabilize"),
+        (lambda: place(DOUBLE_INTEGRATOR, [-1.0]), "expected 2 poles left of the imaginary axis"),
+        (lambda: place(DOUBLE_INTEGRATOR, [-1.0, 0.0]), "expected 2 poles left of the imaginary axis"),
+        (lambda: place(DOUBLE_INTEGRATOR, [-1.0, -1.0]), "poles cannot be placed"),
+        (lambda: place(DOUBLE_INTEGRATOR, [-1.0, -1.0 + 1j]), "poles cannot be placed"),
+        (lambda: place(STABLE_UNREACHED, [-3.0, -4.0]), "poles cannot be placed"),
+        (lambda: GainSchedule((np.zeros((1, 2)),), np.array([1.0])), "one gain more than switch times"),
+        (lambda: GainSchedule((np.zeros((1, 2)), np.zeros((1, 3))), np.array([1.0])), r"shapes \[\(1, 2\), \(1, 3\)\]"),
+        (lambda: GainSchedule((np.zeros((1, 2)),) * 3, np.array([2.0, 1.0])), "must be finite and increase"),
+        (lambda: GainSchedule((np.full((1, 2), np.nan),), np.zeros(0)), "not finite"),
+    ],
+)
+def test_bad_input_is_refused(build: Callable[[], object], message: str) -> None:
+    with pytest.raises(ControlError, match=message):
+        build()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_modes_that_cannot_be_moved_are_noticed_in_any_coordinates(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    A, B, C = np.diag([-1.0, -2.0, -5.0]), np.array([[1.0], [1.0], [0.0]]), np.ones((1, 3))
+    system = StateSpace(A, B, C).transformed(rng.normal(size=(3, 3)))
+    with pytest.raises(ControlError, match="poles cannot be placed"):
+        place(system, [-3.0, -4.0, -6.0])
+
+
+def test_a_switch_time_belongs_to_the_gain_that_it_starts() -> None:
+    schedule = GainSchedule((np.zeros((1, 2)), np.ones((1, 2))), np.array([1.0]))
+    assert schedule.interval([0.999, 1.0, 2.0]).tolist() == [0, 1, 1]

@@ -1,0 +1,96 @@
+"""Feedforward with state feedback against direct evaluation of u = u_ff - K (x - x_ref)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from invtrack.control.gains import GainSchedule, lqr
+from invtrack.control.protocol import Instants
+from invtrack.control.tracking import TrackingController
+from invtrack.errors import ControlError
+from invtrack.inversion.stable import invert
+from invtrack.lti.state_space import OperatingPoint, StateSpace
+from invtrack.lti.switched import SwitchedSystem
+from invtrack.signals.nominal import NominalTrajectory
+from invtrack.signals.profiles import constant, versine
+from tests.cited_plants import cantilever_paper
+
+LIGHT, HEAVY = StateSpace(*cantilever_paper(0.0)), StateSpace(*cantilever_paper(100.0))
+
+
+@pytest.fixture(scope="module")
+def plan() -> NominalTrajectory:
+    return invert(SwitchedSystem([LIGHT, HEAVY], [2.0]), versine())
+
+
+def instants(edges: list[float], hold: float) -> Instants:
+    """Both sides of each edge, and points between."""
+    middles = [(a + b) / 2 for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    time = [t for a, b in zip(edges[:-1], edges[1:], strict=True) for t in (a, (a + b) / 2, b - hold)]
+    inside = np.repeat(middles, 3)
+    return Instants(time=np.array(time), hold=np.full(len(time), hold), inside=inside)
+
+
+def test_against_direct_evaluation_with_gains_that_switch_at_other_times(plan: NominalTrajectory) -> None:
+    gains = GainSchedule((np.full((1, 6), 2.0), np.arange(6.0)[None]), np.array([4.0]))
+    controller = TrackingController(plan, gains)
+    assert controller.breakpoints == pytest.approx(np.array([0.0, 2.0, 4.0, 2 * np.pi]))
+    asked = instants([-1.0, 0.0, 2.0, 4.0, 2 * np.pi, 9.0], hold=0.25)
+    law = controller.begin(asked)
+    rng = np.random.default_rng(0)
+    for i, (t, inside) in enumerate(zip(asked.time, asked.inside, strict=True)):
+        x = rng.normal(size=6)
+        u_ff = plan(t + 0.125, inside=inside).u[0]
+        x_ref = plan(t, inside=inside).x[0]
+        K = gains.gains[0] if inside < 4.0 else gains.gains[1]
+        assert law.update(i, x) == pytest.approx(u_ff - K @ (x - x_ref), rel=1e-12, abs=1e-9)
+
+
+def test_limits_from_both_sides_of_a_jump(plan: NominalTrajectory) -> None:
+    """At the plan's jump the feedforward has two values, at the gains' jump the gain has."""
+    K = lqr(plan.model, Q=1.0, R=1.0)
+    law = TrackingController(plan, K).begin(Instants(np.array([2.0, 2.0]), np.zeros(2), np.array([1.9, 2.1])))
+    x = plan(2.0).x[0]
+    left, right = law.update(0, x)[0], law.update(1, x)[0]
+    assert left == pytest.approx(plan(2.0, inside=1.9).u[0, 0], abs=1e-9)
+    assert right == pytest.approx(plan(2.0, inside=2.1).u[0, 0], abs=1e-9)
+    assert abs(left - right) > 1.0
+    push = np.eye(6)[1]
+    assert law.update(0, x + push)[0] - left == pytest.approx(-K.gains[0][0, 1], rel=1e-9)
+    assert law.update(1, x + push)[0] - right == pytest.approx(-K.gains[1][0, 1], rel=1e-9)
+
+
+def test_on_the_plan_feedback_does_nothing(plan: NominalTrajectory) -> None:
+    times = np.linspace(-5.0, 15.0, 60)
+    asked = Instants(times, np.zeros(60), times)
+    feedback = TrackingController(plan, np.full((1, 6), 50.0)).begin(asked)
+    alone = TrackingController(plan).begin(asked)
+    for i, x in enumerate(plan(times).x):
+        assert feedback.update(i, x) == pytest.approx(alone.update(i, x), abs=1e-10)
+        assert alone.update(i, x + 1.0) == pytest.approx(plan(times[i]).u[0])
+
+
+def test_input_is_absolute_and_state_a_deviation() -> None:
+    point = OperatingPoint(x0=np.zeros(6), u0=np.array([7.0]), y0=np.array([3.0]))
+    plan = invert(StateSpace(LIGHT.A, LIGHT.B, LIGHT.C, operating_point=point), constant(3.0))
+    law = TrackingController(plan, np.ones((1, 6))).begin(Instants(np.zeros(1), np.zeros(1), np.zeros(1)))
+    assert law.update(0, np.zeros(6)) == pytest.approx([7.0])
+    assert law.update(0, np.full(6, 0.5)) == pytest.approx([4.0])
+
+
+def test_the_same_controller_serves_any_number_of_runs(plan: NominalTrajectory) -> None:
+    controller = TrackingController(plan, np.ones((1, 6)))
+    asked = instants([0.0, 2.0], hold=0.01)
+    first, second = controller.begin(asked), controller.begin(asked)
+    x = np.arange(6.0)
+    assert np.array_equal(first.update(1, x), second.update(1, x))
+    assert np.array_equal(first.update(1, x), first.update(1, x))
+    assert controller.stateless
+    assert controller.nominal is plan
+
+
+@pytest.mark.parametrize("gain", [np.zeros((1, 5)), np.zeros((2, 6)), np.zeros(6)])
+def test_a_gain_that_does_not_fit_is_refused(plan: NominalTrajectory, gain: np.ndarray) -> None:
+    with pytest.raises(ControlError, match=r"gains have shape .*, expected \(1, 6\)"):
+        TrackingController(plan, gain)

@@ -1,0 +1,72 @@
+"""Planned trajectories: sides of breakpoints, absolute units, times far away."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from invtrack.inversion.stable import invert
+from invtrack.lti.state_space import OperatingPoint, StateSpace
+from invtrack.lti.switched import SwitchedSystem
+from invtrack.signals.nominal import NominalTrajectory, TwoSidedGenerator, TwoSidedTrajectory
+from invtrack.signals.profiles import constant, versine
+from tests.cited_plants import CANTILEVER_TIP_MASSES, cantilever_paper
+
+
+@pytest.fixture(scope="module")
+def plan() -> NominalTrajectory:
+    systems = [StateSpace(*cantilever_paper(m)) for m in CANTILEVER_TIP_MASSES]
+    return invert(SwitchedSystem(systems, [2.0, 5.0]), versine())
+
+
+def test_forward_and_backward_parts_against_closed_form() -> None:
+    """x = e^-2t given at the start plus 3 e^(5 (t - 1)) given at the end of [0, 1]; their tails outside."""
+    forward, backward = np.array([[-2.0]]), np.array([[5.0]])
+    one, none, nothing = np.array([[1.0]]), np.zeros((0, 0)), np.zeros((1, 0))
+    generators = (
+        TwoSidedGenerator(forward, one, backward, one),
+        TwoSidedGenerator(none, nothing, backward, one),
+        TwoSidedGenerator(forward, one, none, nothing),
+    )
+    v_f, v_b = np.array([[0.0], [1.0], [np.exp(-2.0)]]), np.array([[7.0], [3.0], [0.0]])
+    trajectory = TwoSidedTrajectory(np.array([0.0, 1.0]), generators, np.array([1, 0, 2]), v_f, v_b)
+    t = np.array([-1.0, 0.0, 0.25, 1.0, 1.0, 3.0])
+    expected = [7 * np.exp(-5), 1 + 3 * np.exp(-5), np.exp(-0.5) + 3 * np.exp(-3.75), np.exp(-2) + 3, np.exp(-2), np.exp(-6)]
+    assert trajectory(t, np.array([0, 1, 1, 1, 2, 2]))[:, 0] == pytest.approx(expected, rel=1e-13)
+
+
+def test_input_has_two_values_at_a_jump_and_state_and_output_have_one(plan: NominalTrajectory) -> None:
+    for jump in plan.model.switch_times:
+        left, right = plan(jump, inside=jump - 0.1), plan(jump, inside=jump + 0.1)
+        assert left.x == pytest.approx(right.x, abs=1e-11)
+        assert left.y == pytest.approx(right.y, abs=1e-11)
+        assert abs(left.u[0, 0] - right.u[0, 0]) > 1.0
+        assert plan(jump).u == pytest.approx(right.u)  # a breakpoint belongs to the piece on its right
+        near = plan([jump - 1e-7, jump + 1e-7])
+        assert near.u == pytest.approx(np.vstack([left.u, right.u]), abs=1e-3)
+
+
+def test_rest_far_away_in_either_direction(plan: NominalTrajectory) -> None:
+    far = plan([-1e6, -1e4, 1e4, 1e6])
+    assert far.x == pytest.approx(np.zeros((4, 6)), abs=1e-300)
+    assert far.u == pytest.approx(np.zeros((4, 1)), abs=1e-300)
+
+
+def test_what_is_left_at_start_and_end_is_the_tolerance(plan: NominalTrajectory) -> None:
+    peak = np.max(np.abs(plan(np.linspace(0, 2 * np.pi, 2001)).x), axis=0)
+    ends = np.abs(plan([plan.start, plan.end]).x) / peak
+    assert np.all(np.max(ends, axis=1) <= 1.05 * plan.tolerance)
+    assert np.all(np.max(ends, axis=1) >= 0.8 * plan.tolerance)  # and not needlessly early
+
+
+def test_operating_point_is_added_to_input_and_output_only() -> None:
+    """u = u0 + ..., y = y0 + ...: the reference is absolute, the state a deviation."""
+    A, B, C = cantilever_paper(0.0)
+    point = OperatingPoint(x0=np.zeros(6), u0=np.array([4.0]), y0=np.array([-2.0]))
+    plain = invert(StateSpace(A, B, C), versine())
+    moved = invert(StateSpace(A, B, C, operating_point=point), versine() + constant(-2.0))
+    t = np.linspace(-20.0, 20.0, 101)
+    assert moved(t).x == pytest.approx(plain(t).x, abs=1e-10)
+    assert moved(t).u == pytest.approx(plain(t).u + 4.0, abs=1e-8)
+    assert moved(t).y == pytest.approx(plain(t).y - 2.0, abs=1e-11)
+    assert moved(t).y_d == pytest.approx(moved(t).y, abs=1e-11)

@@ -1,0 +1,82 @@
+"""The script as a user runs it: a separate process, any working directory, a coarse step to keep it short."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import invtrack
+
+SCRIPT = Path(__file__).parents[2] / "sims" / "cantilever_jumps.py"
+CASES = {
+    "inversion",
+    "inversion_continuous",
+    "feedforward_only",
+    "feedback_only",
+    "frozen_inversion",
+    "payload_error",
+    "late_switch",
+}
+
+
+def run_script(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, str(SCRIPT), *words], cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cantilever_jumps")
+
+
+@pytest.fixture(scope="module")
+def finished(folder: Path) -> subprocess.CompletedProcess[str]:
+    return run_script(folder, "--timestep", "0.02")
+
+
+def test_it_ends_well_with_a_table(finished: subprocess.CompletedProcess[str]) -> None:
+    assert finished.returncode == 0, finished.stderr
+    assert not finished.stderr
+    for case in CASES:
+        assert case in finished.stdout
+    assert "[m]" in finished.stdout
+
+
+def test_the_summary_ranks_the_cases(folder: Path, finished: subprocess.CompletedProcess[str]) -> None:
+    summary = json.loads((folder / "runs/cantilever_jumps/summary.json").read_text())
+    assert summary["sim"] == "cantilever_jumps"
+    assert summary["timestep"] == 0.02
+    assert set(summary["cases"]) == CASES
+    error = {case: numbers["max_error"] for case, numbers in summary["cases"].items()}
+    assert (
+        error["inversion_continuous"] < error["inversion"] < error["late_switch"] < error["payload_error"] < error["feedback_only"]
+    )
+    assert all(numbers["residual_vibration"] >= 0 for numbers in summary["cases"].values())
+    coarse, fine = summary["error_slope"][-1], summary["error_slope"][0]
+    assert coarse["max_error"] / fine["max_error"] == pytest.approx((coarse["timestep"] / fine["timestep"]) ** 2, rel=0.1)
+
+
+def test_recordings_and_figures_are_there(folder: Path, finished: subprocess.CompletedProcess[str]) -> None:
+    out = folder / "runs/cantilever_jumps"
+    for case in CASES:
+        run = invtrack.load_recording(out / f"{case}.rrd")[case]
+        assert run.manoeuvre == pytest.approx((0.0, 6.283185307179586))
+        assert set(run.parameters["tip_mass"]) >= {0.0}
+        assert (out / f"tracking_{case}.png").stat().st_size > 10_000
+    assert (out / "comparison.png").is_file()
+    assert (out / "preactuation.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "status"), [(("--timestep", "-1"), 2), (("--timestep", "soon"), 2), (("--out", "file/under"), 1)]
+)
+def test_mistakes_end_in_one_message(tmp_path: Path, words: tuple[str, ...], status: int) -> None:
+    (tmp_path / "file").write_text("in the way")
+    failed = run_script(tmp_path, *words)
+    assert failed.returncode == status
+    assert "Traceback" not in failed.stderr
+    assert failed.stderr.strip()
+    assert not list(tmp_path.rglob("summary.json"))
