@@ -6,6 +6,8 @@ Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NA
 """
 
 from invtrack.control.gains import GainSchedule, lqr, place
+from invtrack.control.observer import KalmanFilter, LuenbergerObserver
+from invtrack.control.output_feedback import OutputFeedbackController
 from invtrack.control.tracking import TrackingController
 from invtrack.errors import InvtrackError
 from invtrack.evaluation.metrics import (
@@ -20,7 +22,7 @@ from invtrack.evaluation.metrics import (
 from invtrack.inversion.stable import invert
 from invtrack.inversion.static_reference import static_reference
 from invtrack.lti.normal_form import normal_form, relative_degree
-from invtrack.lti.state_space import OperatingPoint, StateSpace
+from invtrack.lti.state_space import Measurement, OperatingPoint, StateSpace
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.lti.zero_dynamics import zeros
 from invtrack.physics.linearize import linearize
@@ -34,7 +36,9 @@ from invtrack.signals.nominal import Certificate, NominalTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal, stack
 from invtrack.signals.profiles import autonomous, constant, piecewise_polynomial, rest_to_rest, versine
 from invtrack.simulation.closed_loop import simulate
+from invtrack.simulation.linear_plant import LinearPlant
 from invtrack.simulation.schedule import Change
+from invtrack.simulation.sensors import Sensor
 
 __all__ = [
     "BodyMass",
@@ -45,11 +49,17 @@ __all__ = [
     "InvtrackError",
     "JointDamping",
     "JointStiffness",
+    "KalmanFilter",
+    "LinearPlant",
+    "LuenbergerObserver",
+    "Measurement",
     "NominalTrajectory",
     "OperatingPoint",
+    "OutputFeedbackController",
     "PiecewiseSignal",
     "Plant",
     "RunResult",
+    "Sensor",
     "Signal",
     "StateSpace",
     "SwitchedSystem",

@@ -92,8 +92,8 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
         miss = max(distance.min(axis=0).max(), distance.min(axis=1).max())
         if miss > POLE_TOLERANCE * np.max(np.abs(wanted)):
             raise ControlError(
-                f"poles cannot be placed: they are missed by {miss:.1e}, so the inputs {list(system.input_names)} cannot move every "
-                "mode, or the poles lie too far from those of the plant"
+                f"poles cannot be placed: they are missed by {miss:.1e}, so the inputs {list(system.input_names)} cannot move "
+                "every mode, or the poles lie too far from those of the plant"
             )
         return K
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +18,45 @@ Array = NDArray[np.float64]
 class Instants:
     """The instants of a run at which a controller is asked for its input, known before the run starts.
 
-    time (m,) [s]: when the state is measured; hold (m,) [s]: for how long the input is then held (0 where it is evaluated anew at
-    every stage of the integrator); inside (m,) [s]: a time in the open interval between the breakpoints around it, so that nobody
-    has to guess which side of a breakpoint an instant belongs to.
+    time (m,) [s]: when the plant is measured; hold (m,) [s]: for how long the input is then held (0 where it is evaluated anew at
+    every stage of the integrator); inside (m,) [s]: a time in the open interval between the breakpoints around the instant, so that
+    nobody has to guess which side of a breakpoint it belongs to.
+
+    Breakpoints may fall into a hold. It therefore comes in parts that hold none: number i consists of the parts first[i] to
+    first[i + 1] - 1, with their middles, times inside their intervals, and shares of the hold (k,).
     """
 
     time: Array
     hold: Array
     inside: Array
+    first: NDArray[np.intp]
+    part_middle: Array
+    part_inside: Array
+    part_share: Array
+
+    def mean_over_hold(self, function: Callable[[Array, Array], Array]) -> Array:
+        """Mean over each hold of function(times (k,), inside (k,)) -> (k, p), by the midpoint rule on its parts: (m, p).
+
+        A held input with the mean of a wanted one does what that one does, up to an error of the order of the hold squared.
+        """
+        values = function(self.part_middle, self.part_inside) * self.part_share[:, None]
+        return np.asarray(np.add.reduceat(values, self.first, axis=0))
 
 
 class Law(Protocol):
     """A controller prepared for the instants of one run; it may hold a state of its own."""
 
     def update(self, index: int, measurement: Array) -> Array:
-        """Input (p,) for instant number `index`, from the plant's state (n,) as deviation from the operating point."""
+        """Input (p,) for instant number `index`.
+
+        `measurement` is the plant's state (n,), as deviation from the operating point, or the values of its sensors (m,), whichever
+        the controller measures.
+        """
+        ...
+
+    @property
+    def estimate(self) -> Array | None:
+        """The state (n,), as deviation from the operating point, that the latest update went by; None if it was measured."""
         ...
 
 
@@ -46,6 +71,16 @@ class Controller(Protocol):
     @property
     def breakpoints(self) -> Array:
         """Times [s] at which its input may jump; each becomes a step boundary."""
+        ...
+
+    @property
+    def period(self) -> float | None:
+        """Time [s] between two updates; None: one in every physics step."""
+        ...
+
+    @property
+    def measures(self) -> Literal["state", "sensors"]:
+        """What an update is given."""
         ...
 
     @property

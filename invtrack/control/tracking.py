@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -14,26 +16,23 @@ Array = NDArray[np.float64]
 
 
 class TrackingController:
-    """u = u_ff(t) - K_k (x - x_ref(t)), the feedforward taken in the middle of the time for which the input is held.
+    """u = u_ff(t) - K_k (x - x_ref(t)), u_ff averaged over the time for which the input is held.
 
     nominal: where u_ff and x_ref come from. gains: a GainSchedule, whose switch times may differ from the plan's; a constant gain
-    K (p, n); or None for feedforward alone. Holding a value for h costs an error of order h when it is the one at the start, h^2
-    when it is the one in the middle.
+    K (p, n); or None for feedforward alone. period [s]: time between two updates, the input held in between; None: every physics
+    step. A held input costs an error of order h if it is the wanted one at the start of the hold h, h^2 if it is the mean over it.
 
-    Raises ControlError where the gain's shape does not fit the plan.
+    Raises ControlError where the gain's shape does not fit the plan or the period is not positive.
     """
 
-    def __init__(self, nominal: NominalTrajectory, gains: GainSchedule | ArrayLike | None = None) -> None:
-        first = nominal.model.systems[0]
-        shape = (first.n_channels, first.n_states)
-        if gains is None:
-            gains = np.zeros(shape)
-        if not isinstance(gains, GainSchedule):
-            gains = GainSchedule((np.asarray(gains, dtype=float),), np.zeros(0))
-        if gains.gains[0].shape != shape:
-            raise ControlError(f"gains have shape {gains.gains[0].shape}, expected {shape} for this plan's inputs and states")
+    stateless = True
+
+    def __init__(
+        self, nominal: NominalTrajectory, gains: GainSchedule | ArrayLike | None = None, *, period: float | None = None
+    ) -> None:
         self._nominal = nominal
-        self._gains = gains
+        self._gains = as_gain_schedule(gains, nominal)
+        self._period = checked_period(period)
 
     @property
     def nominal(self) -> NominalTrajectory:
@@ -51,16 +50,20 @@ class TrackingController:
         return np.union1d(self._nominal.breakpoints, self._gains.switch_times)
 
     @property
-    def stateless(self) -> bool:
-        """True: the law depends on time and state alone."""
-        return True
+    def period(self) -> float | None:
+        """Time [s] between two updates; None: one in every physics step."""
+        return self._period
+
+    @property
+    def measures(self) -> Literal["state", "sensors"]:
+        """The state."""
+        return "state"
 
     def begin(self, instants: Instants) -> TrackingLaw:
         """The law for one run: plan and gains looked up for all its instants at once."""
-        feedforward = self._nominal(instants.time + instants.hold / 2, inside=instants.inside).u
         x_ref = self._nominal(instants.time, inside=instants.inside).x
         interval = self._gains.interval(instants.inside)
-        offset = feedforward.copy()
+        offset = mean_feedforward(self._nominal, instants)
         for k, gain in enumerate(self._gains.gains):
             chosen = interval == k
             offset[chosen] += x_ref[chosen] @ gain.T
@@ -70,6 +73,8 @@ class TrackingController:
 class TrackingLaw:
     """u = offset_i - K_i x with everything that does not depend on the measurement worked out before the run."""
 
+    estimate = None
+
     def __init__(self, offset: Array, gains: list[Array]) -> None:
         self._offset = offset
         self._gains = gains
@@ -78,3 +83,28 @@ class TrackingLaw:
         """Input (p,) at instant number `index`."""
         result: Array = self._offset[index] - self._gains[index].dot(measurement)
         return result
+
+
+def mean_feedforward(nominal: NominalTrajectory, instants: Instants) -> Array:
+    """The plan's input averaged over each hold, (m, p)."""
+    return instants.mean_over_hold(lambda times, inside: nominal(times, inside=inside).u)
+
+
+def as_gain_schedule(gains: GainSchedule | ArrayLike | None, nominal: NominalTrajectory) -> GainSchedule:
+    """Gains of the shape that a plan needs. Raises ControlError for others."""
+    first = nominal.model.systems[0]
+    shape = (first.n_channels, first.n_states)
+    if gains is None:
+        gains = np.zeros(shape)
+    if not isinstance(gains, GainSchedule):
+        gains = GainSchedule((np.asarray(gains, dtype=float),), np.zeros(0))
+    if gains.gains[0].shape != shape:
+        raise ControlError(f"gains have shape {gains.gains[0].shape}, expected {shape} for this plan's inputs and states")
+    return gains
+
+
+def checked_period(period: float | None) -> float | None:
+    """A controller's period [s]. Raises ControlError unless it is positive (or None)."""
+    if period is not None and not (np.isfinite(period) and period > 0):
+        raise ControlError(f"the controller's period must be a positive number of seconds or None, got {period}")
+    return period

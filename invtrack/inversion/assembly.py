@@ -29,7 +29,7 @@ class Interval:
     """One interval of the plant within the manoeuvre: v_k = [z_s at its start; z_u at its end] is unknown.
 
     z_s at the end is E_s z_s(start) + p_s, z_u at the start is E_u z_u(end) + p_u. forced_s, forced_u: the particular parts at the
-    start and at the end of each of the interval's pieces, whose numbers are `pieces`.
+    start and at the end of each of the interval's pieces, whose numbers are `pieces`; peak: the largest value they take.
     """
 
     pieces: NDArray[np.intp]
@@ -40,6 +40,7 @@ class Interval:
     p_u: Array
     forced_s: Array
     forced_u: Array
+    peak: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +123,7 @@ def assemble(plant: SwitchedSystem, splits: Sequence[SplitDynamics], reference: 
         _interval(np.flatnonzero(owner[1:-1] == k) + 1, splits[k], reference, inverses, kind, end_anchors)
         for k in range(len(plant))
     ]
-    junctions, checks, sizes = [], [], [0.0]
+    junctions, checks, sizes = [], [], [interval.peak for interval in intervals]
     for k, t in enumerate(plant.switch_times):
         right = int(np.searchsorted(edges, t, side="right"))  # the piece that starts at the jump
         zeta_left = inverses[kind[right - 1]].Z @ _used(end_anchors, inverses[kind[right - 1]], right - 1)
@@ -196,17 +197,20 @@ def _interval(
     lengths = np.diff(reference.breakpoints)[pieces - 1]
     z_s, z_u = np.zeros(n_s), np.zeros(n_u)
     forced_s, forced_u = np.zeros((len(pieces), n_s)), np.zeros((len(pieces), n_u))
+    peak, shares = 0.0, np.array([1 / 3, 2 / 3, 1.0])  # at the ends alone all may happen to pass through zero
     for i, (j, length) in enumerate(zip(pieces, lengths, strict=True)):
         forced_s[i] = z_s
         start = np.concatenate([z_s, _used(reference.anchors, inverses[kind[j]], j)])
-        z_s = flow(inverses[kind[j]].inside.M_f, start[None], np.array([length]))[0, :n_s]
+        z = flow(inverses[kind[j]].inside.M_f, np.tile(start, (3, 1)), length * shares)[:, :n_s]
+        z_s, peak = z[-1], max(peak, np.max(np.abs(z), initial=0.0))
     for i, (j, length) in reversed(list(enumerate(zip(pieces, lengths, strict=True)))):
         forced_u[i] = z_u
         end = np.concatenate([z_u, _used(end_anchors, inverses[kind[j]], j)])
-        z_u = flow(-inverses[kind[j]].inside.M_b, end[None], np.array([length]))[0, :n_u]
+        z = flow(-inverses[kind[j]].inside.M_b, np.tile(end, (3, 1)), length * shares)[:, :n_u]
+        z_u, peak = z[-1], max(peak, np.max(np.abs(z), initial=0.0))
     total = float(lengths.sum())
     E_s, E_u = scipy.linalg.expm(split.A_s * total), scipy.linalg.expm(-split.A_u * total)
-    return Interval(pieces, total, E_s, z_s, E_u, z_u, forced_s, forced_u)
+    return Interval(pieces, total, E_s, z_s, E_u, z_u, forced_s, forced_u, float(peak))
 
 
 def _derivative_sizes(reference: PiecewiseSignal, split: SplitDynamics) -> Array:

@@ -23,13 +23,13 @@ CHUNK = 8192
 class Propagator:
     """exp(M tau) for one matrix M (q, q) and many tau >= 0 [s].
 
-    Each tau is split into a whole number of node distances h and a remainder |r| <= h / 2. The nodes' states are found by the binary
-    digits exp(M h 2^b), the way on by Taylor series, whose coefficients times in the same cell share. The error does not grow with
-    the number of times, the cost is linear in it, and exponentials that decay never overflow, whatever tau.
+    Each tau is split into a whole number of node distances h and a remainder |r| <= h / 2. The nodes' states are found by the
+    binary digits exp(M h 2^b), the way on by Taylor series, whose coefficients times in the same cell share. The error does not
+    grow with the number of times, the cost is linear in it, and exponentials that decay never overflow, whatever tau.
     """
 
     def __init__(self, M: Array) -> None:
-        # Powers of two as scales: balancing brings down the norm, and with it the number of nodes, without rounding.
+        # Scales that are powers of two: balancing brings down the norm, and the number of nodes, without rounding.
         self._M, self._scale = M, np.ones(len(M))
         if M.size:
             self._M, (self._scale, _) = scipy.linalg.matrix_balance(M, permute=False, separate=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -33,11 +33,26 @@ class OperatingPoint:
 
 
 @dataclass(frozen=True, eq=False)
+class Measurement:
+    """What a controller can measure: y_m = y0 + C x + D (u - u0).
+
+    C (m, n), D (m, p), m names, and the values y0 (m,) at the operating point. Any number of signals m; they need not be the
+    outputs that follow a trajectory.
+    """
+
+    C: Array
+    D: Array
+    names: tuple[str, ...]
+    y0: Array
+
+
+@dataclass(frozen=True, eq=False)
 class StateSpace:
     """A linear model x' = A x + B (u - u0), y = y0 + C x + D (u - u0), square (as many inputs as outputs).
 
     Shapes: A (n, n), B (n, p), C (p, n), D (p, p). x is the deviation from the operating point; inputs u and outputs y are
-    absolute. Without an operating point u0 and y0 are zero. `error_estimates` holds, for a model that was found numerically, an
+    absolute. Without an operating point u0 and y0 are zero. `measurement` is what a controller can measure, the outputs themselves
+    unless stated. `error_estimates` holds, for a model that was found numerically, an
     estimate of the largest error of an entry of each matrix.
 
     Raises ModelError where shapes do not fit, an entry is not finite, or a name occurs twice.
@@ -51,6 +66,7 @@ class StateSpace:
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
     operating_point: OperatingPoint
+    measurement: Measurement
     error_estimates: Mapping[str, float] = field(default_factory=dict)
 
     def __init__(
@@ -64,6 +80,7 @@ class StateSpace:
         input_names: Sequence[str] | None = None,
         output_names: Sequence[str] | None = None,
         operating_point: OperatingPoint | None = None,
+        measurement: Measurement | None = None,
         error_estimates: Mapping[str, float] | None = None,
     ) -> None:
         A, B, C = _matrix("A", A), _matrix("B", B), _matrix("C", C)
@@ -87,6 +104,15 @@ class StateSpace:
             )
         if not (np.all(np.isfinite(operating_point.u0)) and np.all(np.isfinite(operating_point.y0))):
             raise ModelError("operating point has entries in u0 or y0 that are not finite")
+        output_names = _names("output", "y", output_names, p)
+        if measurement is None:
+            measurement = Measurement(C, D, output_names, operating_point.y0)
+        m = len(measurement.names)
+        if measurement.C.shape != (m, n) or measurement.D.shape != (m, p) or measurement.y0.shape != (m,):
+            raise ModelError(
+                f"measurement of {m} signals has C {measurement.C.shape}, D {measurement.D.shape} and y0 {measurement.y0.shape}, "
+                f"expected ({m}, {n}), ({m}, {p}) and ({m},)"
+            )
         values: dict[str, Any] = {
             "A": A,
             "B": B,
@@ -94,8 +120,9 @@ class StateSpace:
             "D": D,
             "state_names": _names("state", "x", state_names, n),
             "input_names": _names("input", "u", input_names, p),
-            "output_names": _names("output", "y", output_names, p),
+            "output_names": output_names,
             "operating_point": operating_point,
+            "measurement": measurement,
             "error_estimates": dict(error_estimates or {}),
         }
         for name, value in values.items():
@@ -118,19 +145,23 @@ class StateSpace:
             raise ModelError(f"T has shape {T.shape}, expected {self.A.shape}")
         if np.linalg.cond(T) > 1 / np.finfo(float).eps:
             raise ModelError("T is singular to working precision, so it is no change of coordinates")
-        right_divide = np.linalg.solve(T.T, np.vstack([self.A, self.C]).T).T  # [A; C] T^-1
+        stacked = np.vstack([self.A, self.C, self.measurement.C])
+        A, C, C_m = np.split(
+            np.linalg.solve(T.T, stacked.T).T, [self.n_states, self.n_states + self.n_channels]
+        )  # [A; C; C_m] T^-1
         # The largest factors by which a change of coordinates can raise the error of an entry.
         rows, columns = np.max(np.abs(T).sum(axis=1)), np.max(np.abs(np.linalg.solve(T, np.eye(len(T)))).sum(axis=0))
         growth = {"A": rows * columns, "B": rows, "C": columns, "D": 1.0}
         return StateSpace(
-            T @ right_divide[: self.n_states],
+            T @ A,
             T @ self.B,
-            right_divide[self.n_states :],
+            C,
             self.D,
             state_names=state_names,
             input_names=self.input_names,
             output_names=self.output_names,
             operating_point=self.operating_point,
+            measurement=replace(self.measurement, C=C_m),
             error_estimates={name: float(growth[name] * error) for name, error in self.error_estimates.items()},
         )
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import PlantError
-from invtrack.lti.state_space import OperatingPoint, StateSpace
+from invtrack.lti.state_space import Measurement, OperatingPoint, StateSpace
 from invtrack.physics.coordinates import configuration_of
 from invtrack.physics.finite_differences import Derivative, differentiate
 from invtrack.physics.linearizable import (
@@ -65,14 +65,14 @@ def linearize(
     refuse_constraints(model, data)
     if not allow_nonequilibrium:
         refuse_nonequilibrium(plant, data, equilibrium_tolerance)
-    point = plant.operating_point_in(model)
+    point, measured = plant.operating_point_in(model), data.sensordata[plant.measurement_addresses]
     derivative = differentiate(_Dynamics(plant, model, data), _steps(plant, model, step))
     _check(plant, derivative)
-    return _assemble(plant, point, derivative)
+    return _assemble(plant, point, measured, derivative)
 
 
 class _Dynamics:
-    """(x, u - u0) -> (qacc, act_dot, y) at one instant."""
+    """(x, u - u0) -> (qacc, act_dot, y, y_m) at one instant."""
 
     def __init__(self, plant: Plant, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         self.plant, self.model, self.data = plant, model, data
@@ -86,7 +86,7 @@ class _Dynamics:
         data.qacc_warmstart[:] = 0  # so that an evaluation does not depend on the one before it
         mujoco.mj_forward(model, data)
         refuse_constraints(model, data)
-        result = np.concatenate([data.qacc, data.act_dot, plant.measure(data)])
+        result = np.concatenate([data.qacc, data.act_dot, plant.measure(data), data.sensordata[plant.measurement_addresses]])
         if not np.all(np.isfinite(result)):
             raise PlantError(f"accelerations of plant {plant.name!r} are not finite near the operating point; check its masses")
         return result
@@ -133,23 +133,26 @@ def _room(value: Array, limits: Array) -> Array:
 def _check(plant: Plant, derivative: Derivative) -> None:
     nv = plant.model.nv
     rows = [f"the rate of {name!r}" for name in plant.state_names[nv:]] + [f"output {name!r}" for name in plant.output_names]
+    rows += [f"measurement {name!r}" for name in plant.measurement_names]
     columns = [repr(name) for name in (*plant.state_names, *plant.input_names)]
     refuse_kinks(plant, derivative.jacobian, derivative.jump, rows, columns)
 
 
-def _assemble(plant: Plant, point: OperatingPoint, derivative: Derivative) -> StateSpace:
+def _assemble(plant: Plant, point: OperatingPoint, measured: Array, derivative: Derivative) -> StateSpace:
     nv, n, p = plant.model.nv, plant.n_states, len(plant.inputs)
     velocity_rows = np.zeros((nv, n + p))
     velocity_rows[:, nv : 2 * nv] = np.eye(nv)
     blocks = {}
     for label, bottom, top in (("value", derivative.jacobian, velocity_rows), ("error", derivative.error, np.zeros((nv, n + p)))):
         rows = np.vstack([top, bottom])
-        blocks[label] = {"A": rows[:n, :n], "B": rows[:n, n:], "C": rows[n:, :n], "D": rows[n:, n:]}
+        blocks[label] = {"A": rows[:n, :n], "B": rows[:n, n:], "C": rows[n : n + p, :n], "D": rows[n : n + p, n:]}
+    measurement_rows = derivative.jacobian[n - nv + p :]
     return StateSpace(
         **blocks["value"],
         state_names=plant.state_names,
         input_names=plant.input_names,
         output_names=plant.output_names,
         operating_point=point,
+        measurement=Measurement(measurement_rows[:, :n], measurement_rows[:, n:], plant.measurement_names, measured),
         error_estimates={name: float(np.max(error)) for name, error in blocks["error"].items()},
     )

@@ -34,7 +34,7 @@ class Plant:
 
     path: the MJCF file. model: the model compiled with the file's parameter values (make a copy with `model_with` before changing
     anything in it). spec: what it was compiled from. configuration: the operating point in MuJoCo's coordinates. inputs, outputs,
-    states: names, units and addresses. parameters: what each named parameter changes.
+    measurements, states: names, units and addresses. parameters: what each named parameter changes.
     """
 
     path: Path
@@ -43,6 +43,7 @@ class Plant:
     configuration: Configuration = field(repr=False)
     inputs: tuple[Channel, ...]
     outputs: tuple[Channel, ...]
+    measurements: tuple[Channel, ...]
     states: tuple[Channel, ...] = field(repr=False)
     parameters: Mapping[str, Parameter]
     parameter_units: Mapping[str, str] = field(repr=False)
@@ -54,6 +55,7 @@ class Plant:
         *,
         inputs: Sequence[str],
         outputs: Sequence[str],
+        measurements: Sequence[str] | None = None,
         parameters: Mapping[str, Parameter] | None = None,
         units: Mapping[str, str] | None = None,
         keyframe: str | None = None,
@@ -61,16 +63,19 @@ class Plant:
         """Load an MJCF file.
 
         inputs: actuators ("NAME", or "NAME[1]" where one has several controls). outputs: sensors ("NAME", "NAME[1]"), or
-        "joint:NAME", "joint:NAME:velocity", "site:NAME:x" (y, z; world coordinates). parameters: for instance
-        {"tip_mass": BodyMass("tip")}. units: SI units that replace those inferred, by the name of an input, output, state or
-        parameter. keyframe: the operating point; without it qpos0 at rest with zero controls.
+        "joint:NAME", "joint:NAME:velocity", "site:NAME:x" (y, z; world coordinates). measurements: what controllers that do not
+        know the state may measure, named like outputs; the outputs unless stated. parameters: for instance {"tip_mass":
+        BodyMass("tip")}. units: SI units that replace those inferred, by the name of an input, output, state or parameter.
+        keyframe: the operating point; without it qpos0 at rest with zero controls.
 
         Raises PlantError for a file that does not compile, unknown names (with those there are), and models whose state is more
         than (qpos, qvel, act): history buffers, plugins with state, plasticity.
         """
         path = Path(path)
         spec = load_spec(path)
+        measurements = outputs if measurements is None else measurements
         add_output_sensors(spec, outputs)
+        add_output_sensors(spec, measurements)
         model = compile_spec(spec, str(path))
         refuse_hidden_state(model)
         parameters = dict(parameters or {})
@@ -85,6 +90,7 @@ class Plant:
             configuration=Configuration.of_model(model, keyframe),
             inputs=input_channels(model, inputs),
             outputs=output_channels(model, outputs),
+            measurements=output_channels(model, measurements),
             states=state_channels(model),
             parameters=MappingProxyType(parameters),
             parameter_units=MappingProxyType({name: parameter.unit(model) for name, parameter in parameters.items()}),
@@ -156,6 +162,30 @@ class Plant:
     def output_addresses(self) -> NDArray[np.intp]:
         """Where the outputs stand in data.sensordata, (p,)."""
         return np.array([channel.address for channel in self.outputs], dtype=np.intp)
+
+    @property
+    def measurement_names(self) -> tuple[str, ...]:
+        """Names of the measurements."""
+        return tuple(channel.name for channel in self.measurements)
+
+    @property
+    def measurement_units(self) -> tuple[str, ...]:
+        """Units of the measurements."""
+        return tuple(channel.unit for channel in self.measurements)
+
+    @property
+    def measurement_addresses(self) -> NDArray[np.intp]:
+        """Where the measurements stand in data.sensordata, (m,)."""
+        return np.array([channel.address for channel in self.measurements], dtype=np.intp)
+
+    @property
+    def input_limits(self) -> Array:
+        """Lowest and highest value of each input that its actuator passes on, (p, 2); infinite where it is not limited."""
+        limited = self.model.actuator_ctrllimited[self.input_addresses].astype(bool)
+        if self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL:
+            limited[:] = False
+        unlimited = np.array([-np.inf, np.inf])
+        return np.where(limited[:, None], self.model.actuator_ctrlrange[self.input_addresses], unlimited)
 
     @property
     def parameter_values(self) -> dict[str, float]:
@@ -234,7 +264,7 @@ class Plant:
                 raise PlantError(f"parameter {name!r} must be finite and not negative [{self.parameter_units[name]}], got {value}")
 
     def _with_units(self, units: Mapping[str, str]) -> Plant:
-        known = {*self.input_names, *self.output_names, *self.state_names, *self.parameters}
+        known = {*self.input_names, *self.output_names, *self.measurement_names, *self.state_names, *self.parameters}
         unknown = sorted(set(units) - known)
         if unknown:
             raise PlantError(f"units are given for {listed(unknown)}; the channels and parameters are: {listed(sorted(known))}")
@@ -247,6 +277,7 @@ class Plant:
             self,
             inputs=renamed(self.inputs),
             outputs=renamed(self.outputs),
+            measurements=renamed(self.measurements),
             states=renamed(self.states),
             parameter_units=MappingProxyType(parameter_units),
         )

@@ -29,8 +29,8 @@ STEP, TIME = "step", "time"
 SAMPLED = ("state", "state_reference", "output", "reference", "planned_output")
 """Signals at the N + 1 times."""
 
-HELD = ("commanded", "applied", "parameters")
-"""Signals that hold over the N steps."""
+HELD = ("commanded", "applied", "parameters", "measured", "estimate")
+"""Signals that hold over the N steps; the last two only of controllers with sensors."""
 
 
 def entity_path(case: str, *parts: str) -> str:

@@ -27,6 +27,8 @@ LABELS = {
     "commanded": "{} commanded",
     "applied": "{} applied",
     "parameters": "{}",
+    "measured": "{} measured",
+    "estimate": "{} estimate",
     "error": "{} error",
 }
 

@@ -27,6 +27,11 @@ class Signal:
         if self.values.ndim != 2 or channels != (self.values.shape[1],) * 2:
             raise InvtrackError(f"signal of shape {self.values.shape} has {channels[0]} names and {channels[1]} units")
 
+    @classmethod
+    def without_channels(cls) -> Signal:
+        """The signal of something that a run does not have."""
+        return cls(np.zeros((0, 0)), (), ())
+
     def __getitem__(self, name: str) -> Array:
         """The samples of one channel, by name."""
         if name not in self.names:
@@ -59,11 +64,12 @@ class RunResult:
     state: deviations from the operating point. state_reference: the state that the controller wants (NaN where it wants none).
     output, reference: measured and wanted output. planned_output: what the controller plans to deliver (equal to the reference for
     exact inversion; not for redesign). commanded, applied: the controller's input and what is left of it after the actuator's
-    limits; with hold="continuous" the value at mid-step. parameters: the named physical parameters in force. parameter_bodies:
-    for parameters that belong to one body, its name. qpos: (N + 1, nq) generalized positions; empty for plants without geometry.
-    manoeuvre: (T_i, T_f) [s]. vibration_period: period [s] of the slowest flexible mode of the plant as it is at the end, NaN
-    where it has none. timestep: the largest step asked for [s]; hold: "midpoint" or "continuous". status: "completed" or
-    "diverged", with the reason in `message`. mjb: the compiled MuJoCo model (binary), for the 3-D scene.
+    limits; with hold="continuous" the value at mid-step. measured, estimate: what the sensors showed at the latest update and the
+    state estimated from it; without channels for controllers that know the state. parameters: the named physical parameters in
+    force. parameter_bodies: for parameters that belong to one body, its name. qpos: (N + 1, nq) generalized positions; empty for
+    plants without geometry. manoeuvre: (T_i, T_f) [s]. vibration_period: period [s] of the slowest flexible mode of the plant as
+    it is at the end, NaN where it has none. timestep: the largest step asked for [s]; hold: "midpoint" or "continuous". status:
+    "completed" or "diverged", with the reason in `message`. mjb: the compiled MuJoCo model (binary), for the 3-D scene.
     """
 
     name: str
@@ -82,6 +88,8 @@ class RunResult:
     hold: str
     integrator: str
     vibration_period: float
+    measured: Signal = field(default_factory=Signal.without_channels)
+    estimate: Signal = field(default_factory=Signal.without_channels)
     events: Sequence[Event] = ()
     parameter_bodies: Mapping[str, str] = field(default_factory=dict)
     qpos: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -111,6 +119,8 @@ class RunResult:
         steps = kept[:-1]
 
         def part(signal: Signal) -> Signal:
+            if not signal.names:
+                return signal
             rows = kept if len(signal.values) == len(self.time) else steps
             return Signal(signal.values[rows], signal.names, signal.units)
 

@@ -127,6 +127,18 @@ class NominalTrajectory:
         """Time [s] at which the plan has come to rest: T_f + postactuation."""
         return self.support[1] + self.postactuation
 
+    @cached_property
+    def input_range(self) -> tuple[Array, Array]:
+        """Lowest and highest value of each input over the whole plan, both (p,): known before anything is simulated."""
+        edges = np.unique(np.concatenate([[self.start], self.breakpoints, [self.end]]))
+        middle, half = (edges[:-1] + edges[1:]) / 2, np.diff(edges) / 2
+        per_piece = max(64, 4096 // len(middle) + 1)
+        nodes = np.cos(
+            np.linspace(0.0, np.pi, per_piece)
+        )  # dense at the ends, where the input peaks, both sides of a jump included
+        u = self((middle[:, None] + half[:, None] * nodes).ravel(), inside=np.repeat(middle, per_piece)).u
+        return u.min(axis=0), u.max(axis=0)
+
     @property
     def breakpoints(self) -> Array:
         """Times [s] at which the plan is not smooth: switch times and the reference's breakpoints."""

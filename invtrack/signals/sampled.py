@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 DEGREES = (1, 3, 5, 7)
 
 MISS_TOLERANCE = 1e-9
-"""How far the spline may miss a sample, relative to the largest motion: samples that lie too unevenly make it ill-conditioned."""
+"""How far the spline may miss a sample, as a share of its channel's motion: it does where samples lie too unevenly."""
 
 
 def sampled_reference(times: ArrayLike, values: ArrayLike, *, degree: int = 5, smoothness: int | None = None) -> PiecewiseSignal:
@@ -34,8 +34,8 @@ def sampled_reference(times: ArrayLike, values: ArrayLike, *, degree: int = 5, s
     A plant of relative degree r needs smoothness >= r - 1, so degree >= 2 r - 1. The distance to a smooth motion that rests in the
     same sense falls with the (k + 1)th power of the spacing; that of its r-th derivative with the (k + 1 - r)th.
 
-    Differentiation amplifies noise: noise of size s in samples h apart gives s / h^r in the r-th derivative, and for samples good to
-    rounding s is 1e-16 of their size. See `reference_report`.
+    Differentiation amplifies noise: noise of size s in samples h apart gives about s / h^r in the r-th derivative, and samples good
+    to rounding have s = 1e-16 of their size. See `reference_report`.
 
     Raises TrajectoryError where shapes do not fit, times do not increase, values are not finite, degree or smoothness is out of
     range, samples are too few, or they lie too unevenly. Source: C. de Boor, A Practical Guide to Splines, 2001, ch. XIII.
@@ -81,8 +81,7 @@ def load_reference(
 
     def choose(header: Sequence[str]) -> list[int]:
         first = _column(path, header, time)
-        unit = header[first].removeprefix(time).strip()
-        if unit not in ("", "[s]"):
+        if _name_and_unit(header[first])[1] not in ("", "s"):
             raise TrajectoryError(f"{path}: expected times in seconds, got the column {header[first]!r}; convert it to [s]")
         others = [i for i in range(len(header)) if i != first]
         return [first, *(others if channels is None else [_column(path, header, name) for name in channels])]
@@ -124,7 +123,8 @@ def _require_increasing(t: Array, place: Callable[[int], str]) -> None:
     if bad.size:
         i = int(bad[0]) + 1
         raise TrajectoryError(
-            f"{place(i)}: expected times that increase, got {t[i]:.17g} s after {t[i - 1]:.17g} s; sort the samples and drop repeated ones"
+            f"{place(i)}: expected times that increase, got {t[i]:.17g} s after {t[i - 1]:.17g} s; sort the samples by "
+            "time and drop repeated ones"
         )
 
 
@@ -152,12 +152,12 @@ def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> BSpline:
     try:
         spline = make_interp_spline(t, y, k=degree, bc_type=(conditions, list(conditions)) if conditions else None)
     except np.linalg.LinAlgError:
-        miss = np.inf
+        well_posed = False
     else:
         # At rest means that the outermost coefficients are equal: made so to the last bit, not to rounding.
         spline.c[: smoothness + 1], spline.c[len(spline.c) - smoothness - 1 :] = y[0], y[-1]
-        miss = float(np.max(np.abs(spline(t) - y)))
-    if not miss <= MISS_TOLERANCE * np.max(np.abs(y)):
+        well_posed = bool(np.all(np.abs(spline(t) - y) <= MISS_TOLERANCE * np.max(np.abs(y), axis=0)))
+    if not well_posed:
         spacing = np.diff(t)
         raise TrajectoryError(
             f"the samples lie too unevenly for a spline of degree {degree}: the largest spacing is "
@@ -166,12 +166,17 @@ def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> BSpline:
     return spline
 
 
-def _column(path: str | Path, header: Sequence[str], name: str) -> int:
-    """Number of the column with this header text, or with this text before its unit in brackets."""
-    matches = [i for i, text in enumerate(header) if text == name] or [
-        i for i, text in enumerate(header) if text.endswith("]") and text.rpartition("[")[0].strip() == name
-    ]
+def _column(path: str | Path, header: Sequence[str], wanted: str) -> int:
+    """Number of the column with this header text, or with this text before its unit."""
+    matches = [i for i, text in enumerate(header) if text == wanted]
+    matches = matches or [i for i, text in enumerate(header) if _name_and_unit(text)[0] == wanted]
     if len(matches) != 1:
-        found = "no column" if not matches else f"{len(matches)} columns"
-        raise TrajectoryError(f"{path} has {found} named {name!r}; its columns are: {', '.join(header)}")
+        found = f"{len(matches)} columns" if matches else "no column"
+        raise TrajectoryError(f"{path} has {found} named {wanted!r}; its columns are: {', '.join(header)}")
     return matches[0]
+
+
+def _name_and_unit(text: str) -> tuple[str, str]:
+    """("tip", "m") from "tip [m]"; the unit is empty where none is given."""
+    name, bracket, unit = text.rpartition("[")
+    return (name.strip(), unit[:-1].strip()) if bracket and unit.endswith("]") else (text, "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
@@ -44,8 +44,8 @@ def read_table(path: str | Path, choose: Callable[[Sequence[str]], Sequence[int]
     comments: list[str] = []
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = _numbered_rows(file, comments)
-            header = [text.strip() for text in next(rows, (0, []))[1]]
+            rows = _content(file, comments)
+            header = [text.strip() for text in _cells(next(rows, (0, ""))[1])]
             if not header:
                 raise TrajectoryError(
                     f"{path} is empty; expected a header row with the columns' names and rows of numbers below it"
@@ -53,7 +53,8 @@ def read_table(path: str | Path, choose: Callable[[Sequence[str]], Sequence[int]
             if len(set(header)) != len(header):
                 raise TrajectoryError(f"{path} names a column twice; expected distinct names, got: {', '.join(header)}")
             chosen = list(choose(header))
-            blocks, lines = [np.zeros((0, len(chosen)))], []
+            blocks: list[Array] = []
+            lines: list[int] = []
             while block := list(islice(rows, CHUNK)):
                 blocks.append(_numbers(path, header, chosen, block))
                 lines.extend(number for number, _ in block)
@@ -103,44 +104,45 @@ def replaced_when_complete(path: str | Path) -> Iterator[BinaryIO]:
         raise TrajectoryError(f"cannot write {path}: {error.strerror}; expected a writable directory with enough space") from error
 
 
-def _numbered_rows(file: Iterator[str], comments: list[str]) -> Iterator[tuple[int, list[str]]]:
-    """(line, cells) of each row; comment lines go to `comments`."""
-    line = 0
-
-    def content() -> Iterator[str]:
-        nonlocal line
-        for line, text in enumerate(file, start=1):  # noqa: B007 - read by the loop below
-            if text.startswith("#"):
-                comments.append(text[1:].strip())
-            elif text.strip():
-                yield text
-
-    for row in csv.reader(content()):
-        yield line, row
+def _content(file: Iterable[str], comments: list[str]) -> Iterator[tuple[int, str]]:
+    """(line, text) of each row; comment lines go to `comments`."""
+    for line, text in enumerate(file, start=1):
+        if text.startswith("#"):
+            comments.append(text[1:].strip())
+        elif text.strip():
+            yield line, text
 
 
-def _numbers(path: Path, header: list[str], chosen: list[int], block: list[tuple[int, list[str]]]) -> Array:
+def _cells(text: str) -> list[str]:
+    return next(csv.reader([text]), [])
+
+
+def _numbers(path: Path, header: list[str], chosen: list[int], block: list[tuple[int, str]]) -> Array:
     """The chosen cells of some rows (m, k)."""
-    for line, row in block:
-        if len(row) != len(header):
-            raise TrajectoryError(f"{path}, line {line}: expected {len(header)} cells as in the header row, got {len(row)}")
-    try:
-        values = np.array([[row[i] for i in chosen] for _, row in block], dtype=float)
-    except ValueError:
-        values = np.full((len(block), len(chosen)), np.nan)  # some cell is to blame: look for it below
-    if not np.all(np.isfinite(values)):
-        for line, row in block:
-            for i in chosen:
-                if not _is_finite_number(row[i]):
-                    raise TrajectoryError(f"{path}, line {line}, column {header[i]!r}: expected a finite number, got {row[i]!r}")
-    return values
+    if all(text.count(",") == len(header) - 1 and '"' not in text for _, text in block):
+        try:
+            values: Array = np.loadtxt([text for _, text in block], delimiter=",", usecols=chosen, comments=None, ndmin=2)
+        except ValueError:
+            pass  # some cell is to blame: looked for below
+        else:
+            if np.all(np.isfinite(values)):
+                return values
+    return np.array([_row(path, line, header, chosen, _cells(text)) for line, text in block])
 
 
-def _is_finite_number(text: str) -> bool:
-    try:
-        return bool(np.isfinite(float(text)))
-    except ValueError:
-        return False
+def _row(path: Path, line: int, header: list[str], chosen: list[int], cells: list[str]) -> list[float]:
+    """The chosen cells of one row, with what is wrong with them."""
+    if len(cells) != len(header):
+        raise TrajectoryError(f"{path}, line {line}: expected {len(header)} cells as in the header row, got {len(cells)}")
+    numbers = []
+    for i in chosen:
+        try:
+            numbers.append(float(cells[i]))
+        except ValueError:
+            numbers.append(np.nan)
+        if not np.isfinite(numbers[-1]):
+            raise TrajectoryError(f"{path}, line {line}, column {header[i]!r}: expected a finite number, got {cells[i]!r}")
+    return numbers
 
 
 def _quoted(text: str) -> str:

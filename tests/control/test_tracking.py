@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -26,10 +28,15 @@ def plan() -> NominalTrajectory:
 
 def instants(edges: list[float], hold: float) -> Instants:
     """Both sides of each edge, and points between."""
-    middles = [(a + b) / 2 for a, b in zip(edges[:-1], edges[1:], strict=True)]
-    time = [t for a, b in zip(edges[:-1], edges[1:], strict=True) for t in (a, (a + b) / 2, b - hold)]
-    inside = np.repeat(middles, 3)
-    return Instants(time=np.array(time), hold=np.full(len(time), hold), inside=inside)
+    middles = [(a + b) / 2 for a, b in pairwise(edges)]
+    time = [t for a, b in pairwise(edges) for t in (a, (a + b) / 2, b - hold)]
+    return undivided(np.array(time), hold, np.repeat(middles, 3))
+
+
+def undivided(time: np.ndarray, hold: float, inside: np.ndarray) -> Instants:
+    """Instants whose holds contain no breakpoint."""
+    m = len(time)
+    return Instants(time, np.full(m, hold), inside, np.arange(m), time + hold / 2, inside, np.ones(m))
 
 
 def test_against_direct_evaluation_with_gains_that_switch_at_other_times(plan: NominalTrajectory) -> None:
@@ -50,7 +57,7 @@ def test_against_direct_evaluation_with_gains_that_switch_at_other_times(plan: N
 def test_limits_from_both_sides_of_a_jump(plan: NominalTrajectory) -> None:
     """At the plan's jump the feedforward has two values, at the gains' jump the gain has."""
     K = lqr(plan.model, Q=1.0, R=1.0)
-    law = TrackingController(plan, K).begin(Instants(np.array([2.0, 2.0]), np.zeros(2), np.array([1.9, 2.1])))
+    law = TrackingController(plan, K).begin(undivided(np.array([2.0, 2.0]), 0.0, np.array([1.9, 2.1])))
     x = plan(2.0).x[0]
     left, right = law.update(0, x)[0], law.update(1, x)[0]
     assert left == pytest.approx(plan(2.0, inside=1.9).u[0, 0], abs=1e-9)
@@ -63,7 +70,7 @@ def test_limits_from_both_sides_of_a_jump(plan: NominalTrajectory) -> None:
 
 def test_on_the_plan_feedback_does_nothing(plan: NominalTrajectory) -> None:
     times = np.linspace(-5.0, 15.0, 60)
-    asked = Instants(times, np.zeros(60), times)
+    asked = undivided(times, 0.0, times)
     feedback = TrackingController(plan, np.full((1, 6), 50.0)).begin(asked)
     alone = TrackingController(plan).begin(asked)
     for i, x in enumerate(plan(times).x):
@@ -74,7 +81,7 @@ def test_on_the_plan_feedback_does_nothing(plan: NominalTrajectory) -> None:
 def test_input_is_absolute_and_state_a_deviation() -> None:
     point = OperatingPoint(x0=np.zeros(6), u0=np.array([7.0]), y0=np.array([3.0]))
     plan = invert(StateSpace(LIGHT.A, LIGHT.B, LIGHT.C, operating_point=point), constant(3.0))
-    law = TrackingController(plan, np.ones((1, 6))).begin(Instants(np.zeros(1), np.zeros(1), np.zeros(1)))
+    law = TrackingController(plan, np.ones((1, 6))).begin(undivided(np.zeros(1), 0.0, np.zeros(1)))
     assert law.update(0, np.zeros(6)) == pytest.approx([7.0])
     assert law.update(0, np.full(6, 0.5)) == pytest.approx([4.0])
 
@@ -88,6 +95,30 @@ def test_the_same_controller_serves_any_number_of_runs(plan: NominalTrajectory) 
     assert np.array_equal(first.update(1, x), first.update(1, x))
     assert controller.stateless
     assert controller.nominal is plan
+
+
+def test_a_hold_across_a_jump_takes_the_mean_of_both_sides(plan: NominalTrajectory) -> None:
+    """Held from 1.9 to 2.3 over the jump at 2: a quarter of the time before it, three quarters after it."""
+    asked = Instants(
+        time=np.array([1.9]),
+        hold=np.array([0.4]),
+        inside=np.array([1.95]),
+        first=np.array([0]),
+        part_middle=np.array([1.95, 2.15]),
+        part_inside=np.array([1.95, 2.15]),
+        part_share=np.array([0.25, 0.75]),
+    )
+    u = TrackingController(plan).begin(asked).update(0, np.zeros(6))[0]
+    before, after = plan([1.95, 2.15]).u[:, 0]
+    assert u == pytest.approx((before + 3 * after) / 4)
+    t = np.linspace(1.9, 2.3, 4001)
+    assert u == pytest.approx(np.mean(plan(t).u), rel=1e-2)
+
+
+@pytest.mark.parametrize("period", [0.0, -1.0, np.nan, np.inf])
+def test_a_period_that_is_no_time_is_refused(plan: NominalTrajectory, period: float) -> None:
+    with pytest.raises(ControlError, match="period must be a positive number of seconds"):
+        TrackingController(plan, period=period)
 
 
 @pytest.mark.parametrize("gain", [np.zeros((1, 5)), np.zeros((2, 6)), np.zeros(6)])

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 def plant_with(rng: np.random.Generator, degrees: Sequence[int], internal: ArrayLike, *, mixed: bool = True) -> StateSpace:
-    """Outputs with relative degrees r_i and internal dynamics eta' = internal eta + (random) zeta, in random coordinates if `mixed`.
+    """Outputs with relative degrees r_i and internal dynamics eta' = internal eta + (random) zeta, in any coordinates if `mixed`.
 
     The zeros are the eigenvalues of `internal`. The matrix that takes the inputs to y^(r) has condition number 3 at most.
     """
@@ -53,7 +53,7 @@ def block(*zeros: complex) -> Array:
 
 def pencil_zeros(A: Array, B: Array, C: Array, D: Array, *, largest: float = 1e4) -> NDArray[np.complex128]:
     """Finite generalized eigenvalues of the Rosenbrock pencil [A - s I, B; C, D]."""
-    n, p = B.shape
+    n = len(A)
     pencil = np.block([[A, B], [C, D]])
     mass = np.zeros_like(pencil)
     mass[:n, :n] = np.eye(n)

@@ -61,7 +61,7 @@ def test_names_are_given_where_none_are() -> None:
     system = StateSpace(A, B, C, output_names=["tip"])
     assert (system.state_names, system.input_names, system.output_names) == (("x1", "x2"), ("u1",), ("tip",))
     assert (system.n_states, system.n_channels) == (2, 1)
-    assert system.D == pytest.approx(np.zeros((1, 1)))
+    assert pytest.approx(np.zeros((1, 1))) == system.D
 
 
 def test_matrices_are_copies_that_cannot_be_changed() -> None:
@@ -89,7 +89,7 @@ def test_change_of_coordinates_keeps_the_transfer_function_and_the_frame() -> No
     other = system.transformed(T, state_names=["a", "b"])
     s = -0.4 + 2j
     assert response(other, s) == pytest.approx(response(system, s))
-    assert other.A @ T == pytest.approx(T @ A)
+    assert pytest.approx(T @ A) == other.A @ T
     assert other.state_names == ("a", "b")
     assert other.input_names == ("force",)
     assert other.operating_point is operating_point

@@ -182,6 +182,6 @@ def test_the_split_decouples_stable_from_antistable() -> None:
     assert_same_set(np.linalg.eigvals(split.A_s), [-0.5, -1 + 1j, -1 - 1j], 1e-9)
     assert_same_set(np.linalg.eigvals(split.A_u), [1.0, 0.2 + 3j, 0.2 - 3j], 1e-9)
     W, L = np.hstack([split.W_s, split.W_u]), np.vstack([split.L_s, split.L_u])
-    assert L @ W == pytest.approx(np.eye(6), abs=1e-10)
+    assert pytest.approx(np.eye(6), abs=1e-10) == L @ W
     assert A_eta @ split.W_s == pytest.approx(split.W_s @ split.A_s, abs=1e-10)
     assert A_eta @ split.W_u == pytest.approx(split.W_u @ split.A_u, abs=1e-10)

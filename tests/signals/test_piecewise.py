@@ -87,8 +87,7 @@ def test_breakpoints_that_are_there_already_keep_the_signal_itself() -> None:
 def test_derivatives_against_central_differences(seed: int) -> None:
     signal, h = random_signal(seed), 1e-4
     inner = (signal.breakpoints[1:] + signal.breakpoints[:-1]) / 2
-    sides = dict(inside=inner)
-    difference = (signal(inner + h, **sides) - signal(inner - h, **sides)) / (2 * h)
+    difference = (signal(inner + h, inside=inner) - signal(inner - h, inside=inner)) / (2 * h)
     assert difference == pytest.approx(signal(inner, derivative=1), abs=1e-5)
 
 
@@ -124,10 +123,16 @@ PIECE = np.zeros(2, dtype=np.intp)
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: PiecewiseSignal(np.array([1.0, 1.0]), (constant_generator(1),), np.zeros(3, dtype=np.intp), np.zeros((3, 1))), "increase"),
+        (
+            lambda: PiecewiseSignal(np.array([1.0, 1.0]), (constant_generator(1),), np.zeros(3, dtype=np.intp), np.zeros((3, 1))),
+            "increase",
+        ),
         (lambda: PiecewiseSignal(np.array([np.nan]), (constant_generator(1),), PIECE, np.zeros((2, 1))), "finite"),
         (lambda: PiecewiseSignal(np.zeros(0), (constant_generator(1),), PIECE[:1], np.zeros((1, 1))), "breakpoints"),
-        (lambda: PiecewiseSignal(np.zeros(1), (constant_generator(1),), PIECE, np.zeros((3, 1))), "expected 2 pieces, got 2 kinds and 3"),
+        (
+            lambda: PiecewiseSignal(np.zeros(1), (constant_generator(1),), PIECE, np.zeros((3, 1))),
+            "expected 2 pieces, got 2 kinds and 3",
+        ),
         (lambda: PiecewiseSignal(np.zeros(1), (constant_generator(1),), PIECE, np.full((2, 1), np.nan)), "not finite"),
         (lambda: versine() + constant([1.0, 2.0]), "cannot add signals of 1 and 2 channels"),
         (lambda: versine().refined([np.inf]), "finite"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -112,9 +114,13 @@ class WrongSideController(invtrack.TrackingController):
 
     def begin(self, instants: Instants) -> TrackingLaw:
         edges = self.breakpoints
-        piece = np.searchsorted(edges, instants.inside)
-        earlier = np.where(piece > 0, edges[np.maximum(piece - 1, 0)] - 1e-3, instants.inside)
-        return super().begin(Instants(instants.time, instants.hold, earlier))
+
+        def earlier(inside: np.ndarray) -> np.ndarray:
+            piece = np.searchsorted(edges, inside)
+            return np.where(piece > 0, edges[np.maximum(piece - 1, 0)] - 1e-3, inside)
+
+        wrong = replace(instants, inside=earlier(instants.inside), part_inside=earlier(instants.part_inside))
+        return super().begin(wrong)
 
 
 def test_mutants_of_the_controller_break_the_tracking(rig: Rig) -> None:

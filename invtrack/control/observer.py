@@ -1,0 +1,96 @@
+"""State estimators for sampled controllers: gains by pole placement or from noise (Kalman)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import scipy.linalg
+import scipy.signal
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import ControlError
+from invtrack.lti.state_space import StateSpace
+
+Array = NDArray[np.float64]
+
+
+class Observer(Protocol):
+    """Designs the correction of a current estimator: x_hat = x_prior + M (y_m - C_m x_prior)."""
+
+    def gain(self, system: StateSpace, period: float) -> Array:
+        """M (n, m) for one interval's plant, measured every `period` seconds."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class LuenbergerObserver:
+    """Estimation error with the continuous-time poles stated, the same in every interval: exp(s period) once sampled.
+
+    poles: n of them left of the imaginary axis, complex ones in conjugate pairs, none more often than there are measurements.
+    """
+
+    poles: Sequence[complex]
+
+    def gain(self, system: StateSpace, period: float) -> Array:
+        """M (n, m) with eig(A_d - M C_m A_d) = exp(poles period). Raises ControlError where the poles cannot be placed."""
+        wanted = np.array(self.poles, dtype=complex)
+        if wanted.shape != (system.n_states,) or np.any(wanted.real >= 0):
+            raise ControlError(f"expected {system.n_states} observer poles left of the imaginary axis, got {wanted.tolist()}")
+        A_d = scipy.linalg.expm(system.A * period)
+        C_m = measured(system).C
+        try:
+            placed = scipy.signal.place_poles(A_d.T, (C_m @ A_d).T, np.exp(wanted * period))
+        except ValueError as error:
+            raise ControlError(
+                f"observer poles cannot be placed: {error}; are the measurements enough to see every mode?"
+            ) from error
+        return np.asarray(placed.gain_matrix.T, dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class KalmanFilter:
+    """Steady-state Kalman filter of each interval.
+
+    input_noise: standard deviation per square root of Hz of white noise that acts like the inputs (p,), or a number for all: the
+    disturbance that the filter is to expect. measurement_noise: standard deviation (m,) of one sample of each measurement.
+    """
+
+    input_noise: ArrayLike
+    measurement_noise: ArrayLike
+
+    def gain(self, system: StateSpace, period: float) -> Array:
+        """M (n, m) from the discrete Riccati equation. Raises ControlError where it has no stabilizing solution."""
+        C_m = measured(system).C
+        m = len(C_m)
+        intensity = np.broadcast_to(np.asarray(self.input_noise, dtype=float), (system.n_channels,))
+        deviation = np.broadcast_to(np.asarray(self.measurement_noise, dtype=float), (m,))
+        if np.any(intensity <= 0) or np.any(deviation <= 0):
+            raise ControlError("noise levels must be positive: a filter without noise has no optimal gain")
+        A_d, Q_d = _sampled_noise(system.A, system.B * intensity, period)
+        try:
+            P = scipy.linalg.solve_discrete_are(A_d.T, C_m.T, Q_d, np.diag(deviation**2))
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise ControlError(f"no steady Kalman gain: {error}; a mode on or right of the axis is not measured") from error
+        innovation = C_m @ P @ C_m.T + np.diag(deviation**2)
+        return np.asarray(scipy.linalg.solve(innovation, C_m @ P, assume_a="pos").T)
+
+
+def measured(system: StateSpace) -> Any:
+    """The system's measurement, if an observer can use it. Raises ControlError where the input acts on it at once."""
+    if np.any(system.measurement.D):
+        through = [name for name, row in zip(system.measurement.names, system.measurement.D, strict=True) if np.any(row)]
+        raise ControlError(f"measurements {through} depend on the input at once (accelerations?); measure positions or velocities")
+    return system.measurement
+
+
+def _sampled_noise(A: Array, G: Array, period: float) -> tuple[Array, Array]:
+    """exp(A h) and the covariance that white noise through G adds over h (Van Loan 1978)."""
+    n = len(A)
+    block = np.block([[-A, G @ G.T], [np.zeros((n, n)), A.T]]) * period
+    exponential = scipy.linalg.expm(block)
+    A_d = exponential[n:, n:].T
+    covariance = A_d @ exponential[:n, n:]
+    return A_d, (covariance + covariance.T) / 2

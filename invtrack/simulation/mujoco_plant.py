@@ -1,0 +1,175 @@
+"""The physics side of the closed loop: a MuJoCo plant that steps."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.control.protocol import Law
+from invtrack.errors import PlantError, SimulationError
+from invtrack.lti.modes import slowest_flexible_period
+from invtrack.lti.state_space import OperatingPoint
+from invtrack.physics.callbacks import mujoco_callbacks
+from invtrack.physics.coordinates import configuration_of, split
+from invtrack.physics.linearize import linearize
+from invtrack.physics.plant import Plant
+
+Array = NDArray[np.float64]
+
+STAGES_OF_RK4 = (0, 1, 1, 2)
+"""At which of a step's three instants (start, middle, end) each of the four stages evaluates the input."""
+
+FAILURES = tuple(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}") for what in ("CTRL", "QPOS", "QVEL", "QACC"))
+"""Warnings after which MuJoCo's state means nothing any more."""
+
+
+class MujocoPlant:
+    """A physics.Plant as a SimulatedPlant."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
+        self.name = plant.name
+        self.integrator = mujoco.mjtIntegrator(plant.model.opt.integrator).name.removeprefix("mjINT_")
+        self.state_names, self.state_units = plant.state_names, plant.state_units
+        self.input_names, self.input_units = plant.input_names, plant.input_units
+        self.output_names, self.output_units = plant.output_names, plant.output_units
+        self.measurement_names, self.measurement_units = plant.measurement_names, plant.measurement_units
+        self.parameter_units, self.parameter_bodies = plant.parameter_units, plant.parameter_bodies
+        self.input_limits = plant.input_limits
+        self.breakpoints: Array = np.zeros(0)
+
+    @property
+    def parameter_values(self) -> dict[str, float]:
+        """The parameters' values in the file."""
+        return self.plant.parameter_values
+
+    @property
+    def operating_point(self) -> OperatingPoint:
+        """Where deviations are measured from."""
+        return self.plant.operating_point
+
+    def vibration_period(self, parameters: Mapping[str, float]) -> float:
+        """Period [s] of the slowest flexible mode; NaN also where the plant cannot be linearized (an active contact)."""
+        try:
+            return slowest_flexible_period(linearize(self.plant, allow_nonequilibrium=True, **parameters).A)
+        except PlantError:
+            return float("nan")
+
+    def stepper(self, x: Array, parameters: Mapping[str, float]) -> MujocoStepper:
+        """A stepper with its own copy of the model."""
+        return MujocoStepper(self.plant, x, parameters)
+
+    def binary(self, parameters: Mapping[str, float]) -> bytes:
+        """The compiled model with these parameters."""
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "model.mjb"
+            mujoco.mj_saveModel(self.plant.model_with(parameters), str(path))
+            return path.read_bytes()
+
+
+class MujocoStepper:
+    """One run of a plant: its own copy of the model, its data, and the state read from them."""
+
+    def __init__(self, plant: Plant, x: Array, parameters: Mapping[str, float]) -> None:
+        self.plant = plant
+        self.model = plant.model_with(parameters)
+        # With automatic reset MuJoCo answers divergence by starting over from qpos0, as if nothing had happened.
+        self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        self.data = plant.new_data(self.model)
+        x0 = plant.operating_point_in(self.model).x0
+        self.data.qpos[:], self.data.qvel[:], self.data.act[:] = configuration_of(self.model, x0, x)
+        self._qpos0, self._qvel0, self._act0 = split(self.model, x0)
+        self._nv, self._quaternions = self.model.nv, self.model.nq != self.model.nv
+        self._inputs, self._outputs, self._sensors = plant.input_addresses, plant.output_addresses, plant.measurement_addresses
+
+    @property
+    def n_positions(self) -> int:
+        """Length of qpos."""
+        return int(self.model.nq)
+
+    def enter(self, timestep: float, time: float, parameters: Mapping[str, float]) -> None:
+        """Start an interval: length of its steps [s], its time [s], and parameters that change now."""
+        self.model.opt.timestep = timestep
+        self.data.time = time
+        if parameters:
+            self.plant.apply(self.model, parameters)
+
+    def read(self, x: Array, qpos: Array) -> None:
+        """Write the state (n,), as deviation from the operating point, and qpos (nq,)."""
+        data, nv = self.data, self._nv
+        qpos[:] = data.qpos
+        if self._quaternions:
+            mujoco.mj_differentiatePos(self.model, x[:nv], 1.0, self._qpos0, data.qpos)
+        else:
+            np.subtract(qpos, self._qpos0, out=x[:nv])
+        np.subtract(data.qvel, self._qvel0, out=x[nv : 2 * nv])
+        if len(x) > 2 * nv:
+            np.subtract(data.act, self._act0, out=x[2 * nv :])
+
+    def sense(self, y_m: Array) -> None:
+        """Write what ideal sensors measure at the present state: after mj_step MuJoCo's own values are one step old."""
+        mujoco.mj_forward(self.model, self.data)
+        y_m[:] = self.data.sensordata[self._sensors]
+
+    def step(self, u: Array, y: Array, y_m: Array) -> None:
+        """Hold the input u (p,) for one step; outputs and measurements are those at its start, where MuJoCo computes sensors."""
+        data = self.data
+        data.ctrl[self._inputs] = u
+        mujoco.mj_step(self.model, data)
+        y[:] = data.sensordata[self._outputs]
+        y_m[:] = data.sensordata[self._sensors]
+
+    def read_outputs(self, y: Array, y_m: Array) -> None:
+        """Write outputs and measurements at the present state."""
+        self.sense(y_m)
+        y[:] = self.data.sensordata[self._outputs]
+
+    @contextmanager
+    def stages(self, law: Law) -> Iterator[RungeKuttaInput]:
+        """A block in which the law is evaluated at every stage of RK4. Raises SimulationError for other integrators."""
+        if self.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
+            raise SimulationError(
+                'hold="continuous" evaluates the input at the stages of RK4, the model uses another integrator; set '
+                '<option integrator="RK4"/> or use hold="midpoint"'
+            )
+        stage_input = RungeKuttaInput(self, law)
+        with mujoco_callbacks(self.model, control=stage_input.control):
+            yield stage_input
+
+    def failed(self) -> bool:
+        """Whether MuJoCo has warned of a state or input that is not finite or beyond what it integrates."""
+        return any(self.data.warning[warning].number for warning in FAILURES)
+
+
+class RungeKuttaInput:
+    """Writes the control of each stage of a step, from inside MuJoCo's control callback."""
+
+    def __init__(self, stepper: MujocoStepper, law: Law) -> None:
+        self._law, self._stepper = law, stepper
+        self._x, self._qpos = np.zeros(stepper.plant.n_states), np.zeros(stepper.n_positions)
+        self._inputs = stepper.plant.input_addresses
+        self._index, self._stage = 0, len(STAGES_OF_RK4)
+        self._middle = np.zeros(len(self._inputs))
+
+    def step(self, index: int, y: Array, y_m: Array) -> Array:
+        """Take step number `index`; returns the input (p,) at its middle."""
+        self._index, self._stage = index, 0
+        self._stepper.step(self._stepper.data.ctrl[self._inputs], y, y_m)
+        return self._middle
+
+    def control(self, _model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        """MuJoCo's control callback: one call in each stage."""
+        if self._stage >= len(STAGES_OF_RK4):
+            return  # an evaluation outside a step keeps the last input
+        self._stepper.read(self._x, self._qpos)
+        u = self._law.update(3 * self._index + STAGES_OF_RK4[self._stage], self._x)
+        data.ctrl[self._inputs] = u
+        if self._stage == 1:
+            self._middle = u
+        self._stage += 1

@@ -1,0 +1,134 @@
+"""Solvability at parameter jumps on plants small enough to work out by hand.
+
+Left and right of a jump: zeta' = u, eta' = a eta + zeta, y = zeta + c eta. With the output at y, eta' = (a - c) eta + y: one zero,
+a - c. zeta = y - c eta must be continuous as well as eta.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.polynomial import Polynomial
+
+from invtrack.errors import BoundednessError, CompatibilityError, NonHyperbolicError
+from invtrack.inversion.stable import invert
+from invtrack.lti.state_space import StateSpace
+from invtrack.lti.switched import SwitchedSystem
+from invtrack.signals.nominal import NominalTrajectory
+from invtrack.signals.profiles import piecewise_polynomial, rest_to_rest, versine
+from tests.lti.random_plants import block, plant_with
+
+MOTION = rest_to_rest(0.0, 1.0, 2.0)
+RAMP = piecewise_polynomial([0.0, 1.0], [[0.0, 0.0, 3.0, -2.0]])
+
+
+def system(a: float, c: float = 0.0, gain: float = 1.0) -> StateSpace:
+    return StateSpace([[0.0, 0.0], [1.0, a]], [[1.0], [0.0]], [[gain, gain * c]])
+
+
+def assert_certified(plan: NominalTrajectory, tolerance: float = 1e-10) -> None:
+    certificate = plan.certificate
+    assert max(certificate.dynamics_residual, certificate.output_error, certificate.continuity) < tolerance
+    assert certificate.rest_residual < 3 * plan.tolerance
+
+
+def test_an_unstable_mode_fewer_before_than_after_has_no_bounded_inverse() -> None:
+    """Zero -1, then +1: before the jump eta is fixed by the past, after it by the future."""
+    with pytest.raises(BoundednessError, match=r"0 antistable zero\(s\) before .* 0 unknown\(s\) for the 1\s+condition\(s\)"):
+        invert(SwitchedSystem([system(-1.0), system(1.0)], [1.0]), MOTION)
+
+
+@pytest.mark.parametrize("jump", [1.0, 1.5])
+def test_unless_the_reference_happens_to_bring_it_to_the_right_place(jump: float) -> None:
+    """eta' = -eta + y with y = f + f' gives eta = f: at rest when f is, and the jump finds nothing to keep bounded."""
+    f = Polynomial([0.0, 1.0]) ** 3 * Polynomial([1.0, -1.0]) ** 3
+    reference = piecewise_polynomial([0.0, 1.0], [(f + f.deriv()).coef])
+    plan = invert(SwitchedSystem([system(-1.0), system(1.0)], [jump]), reference)
+    assert_certified(plan)
+    t = np.linspace(0.0, 0.999, 30)
+    assert plan(t).x[:, 1] == pytest.approx(f(t), abs=1e-14)
+    assert plan(2.0).x == pytest.approx(np.zeros((1, 2)), abs=1e-13)
+
+
+def test_an_unstable_mode_more_before_than_after_is_not_unique() -> None:
+    """Zero +1, then -1: any eta at the jump will do. The plan says so and is still exact."""
+    plan = invert(SwitchedSystem([system(1.0), system(-1.0)], [1.0]), MOTION)
+    assert_certified(plan)
+    assert any("not unique (1 free direction(s))" in remark for remark in plan.remarks)
+
+
+def test_least_norm_is_taken_where_the_solution_is_not_unique() -> None:
+    """Nothing asked for, nothing done."""
+    plan = invert(SwitchedSystem([system(1.0), system(-1.0)], [1.0]), MOTION.scaled(0.0))
+    assert plan(np.linspace(-5, 5, 11)).x == pytest.approx(np.zeros((11, 2)), abs=1e-300)
+
+
+def test_an_output_that_changes_can_be_what_makes_the_solution_unique() -> None:
+    """Zero +1, y = zeta; then zero -3, y = zeta + eta. zeta is 1/2 at t = 1 whatever eta, so eta = y - zeta = 0 there."""
+    model = SwitchedSystem([system(1.0), system(-2.0, c=1.0)], [1.0])
+    plan = invert(model, MOTION)
+    assert_certified(plan)
+    assert plan.remarks == ()
+    assert plan(1.0).x[0] == pytest.approx([0.5, 0.0], abs=1e-12)
+    # Before the motion eta decays backward as e^t, from the value that the forward motion takes to 0.
+    nodes, weights = np.polynomial.legendre.leggauss(30)
+    start = -np.sum(weights / 2 * np.exp(-(nodes + 1) / 2) * MOTION((nodes + 1) / 2)[:, 0])
+    assert plan([0.0, -3.0]).x[:, 1] == pytest.approx([start, start * np.exp(-3)], rel=1e-10)
+
+
+def test_an_output_that_changes_can_ask_too_much() -> None:
+    """Zero +1 before and after, but a new output: one unknown, one compatibility row and one end condition."""
+    model = SwitchedSystem([system(1.0), system(2.0, c=1.0)], [1.0])
+    with pytest.raises((BoundednessError, CompatibilityError)):
+        invert(model, MOTION)
+
+
+def test_an_output_that_changes_with_nothing_left_to_choose() -> None:
+    """Zero -1, then -3 with y = zeta + eta: eta is fixed by the past, and the new output is not the wanted one."""
+    with pytest.raises(CompatibilityError, match=r"at the jump at t = 1 s the state cannot be continuous and the output exact"):
+        invert(SwitchedSystem([system(-1.0), system(-2.0, c=1.0)], [1.0]), MOTION)
+
+
+def test_a_new_gain_of_the_sensor_must_show_in_the_reference() -> None:
+    """y = zeta, then y = 2 zeta: a reference that does not double cannot be met, one that does can."""
+    model = SwitchedSystem([system(1.0), system(1.0, gain=2.0)], [1.5])
+    with pytest.raises(CompatibilityError, match=r"at the jump at t = 1.5 s the outputs and derivatives of the new plant"):
+        invert(model, RAMP)
+    doubling = piecewise_polynomial([0.0, 1.0, 1.5, 2.5], [[0.0, 0.0, 3.0, -2.0], [1.0], [2.0, 0.0, -6.0, 4.0]])
+    plan = invert(model, doubling)
+    assert_certified(plan)
+    assert plan([1.5, 1.5], inside=[1.4, 1.6]).y[:, 0] == pytest.approx([1.0, 2.0])
+
+
+def test_a_relative_degree_that_changes() -> None:
+    """Relative degree 2, then 1 (an output with some of the velocity in it), then 2 again with one zero fewer."""
+    A, B = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, 0.7]]), np.array([[0.0], [1.0], [0.0]])
+    position, mixed = StateSpace(A, B, [[1.0, 0.0, 0.0]]), StateSpace(A, B, [[1.0, 0.5, 0.0]])  # zeros 0.7; 0.7 and -2
+    plan = invert(SwitchedSystem([position, mixed], [3.0]), MOTION)
+    assert_certified(plan)
+    with pytest.raises(CompatibilityError):  # while moving, position and mixture differ
+        invert(SwitchedSystem([position, mixed], [1.0]), MOTION)
+
+
+def test_axis_zeros_are_refused_in_every_interval() -> None:
+    with pytest.raises(NonHyperbolicError):
+        invert(SwitchedSystem([system(1.0), system(0.0)], [1.0]), MOTION)
+
+
+def test_nothing_overflows_over_long_intervals_with_fast_zeros() -> None:
+    """Zeros at +-50 over intervals of 1e4 s: e^(5e5) is far beyond the largest number."""
+    rng = np.random.default_rng(0)
+    models = [plant_with(rng, (2,), block(50.0, -50.0), mixed=False) for _ in range(2)]
+    same_output = [StateSpace(m.A, m.B, m.C) for m in (models[0], models[1], models[0])]
+    for switches in ([0.0, 1e4], [5e3, 1.5e4]):
+        plan = invert(SwitchedSystem(same_output, switches), rest_to_rest(0.0, 1.0, 1.0, start_time=5e3))
+        assert_certified(plan)
+        assert np.all(np.isfinite(plan(np.linspace(-1e4, 3e4, 101)).u))
+
+
+def test_many_jumps() -> None:
+    """A payload that comes and goes a hundred times."""
+    light, heavy = (plant_with(np.random.default_rng(s), (2,), block(0.8, -0.5), mixed=False) for s in (1, 2))
+    times = np.linspace(0.03, 6.0, 100)
+    plan = invert(SwitchedSystem([light, heavy] * 50 + [light], times), versine())
+    assert_certified(plan)
