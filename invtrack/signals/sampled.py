@@ -20,7 +20,10 @@ Array = NDArray[np.float64]
 DEGREES = (1, 3, 5, 7)
 
 MISS_TOLERANCE = 1e-9
-"""How far the spline may miss a sample, as a share of its channel's motion: it does where samples lie too unevenly."""
+"""How far the spline may miss a sample, as a share of its channel's motion: it does where samples lie very unevenly."""
+
+LARGEST_EXCURSION = 100.0
+"""How far it may go between samples, as a multiple of that motion; through evenly spaced ones it goes a few times as far at most."""
 
 
 def sampled_reference(times: ArrayLike, values: ArrayLike, *, degree: int = 5, smoothness: int | None = None) -> PiecewiseSignal:
@@ -156,12 +159,17 @@ def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> BSpline:
     else:
         # At rest means that the outermost coefficients are equal: made so to the last bit, not to rounding.
         spline.c[: smoothness + 1], spline.c[len(spline.c) - smoothness - 1 :] = y[0], y[-1]
-        well_posed = bool(np.all(np.abs(spline(t) - y) <= MISS_TOLERANCE * np.max(np.abs(y), axis=0)))
+        motion = np.max(np.abs(y), axis=0)
+        excursion = np.abs(spline((t[:-1] + t[1:]) / 2))
+        well_posed = bool(
+            np.all(np.abs(spline(t) - y) <= MISS_TOLERANCE * motion) and np.all(excursion <= LARGEST_EXCURSION * motion)
+        )
     if not well_posed:
         spacing = np.diff(t)
         raise TrajectoryError(
-            f"the samples lie too unevenly for a spline of degree {degree}: the largest spacing is "
-            f"{spacing.max() / spacing.min():.1e} times the smallest; lower the degree or even out the times"
+            f"the samples lie too unevenly for a spline of degree {degree}: it misses them, or leaves their range far behind "
+            f"between them; the largest spacing is {spacing.max() / spacing.min():.1e} times the smallest; lower the degree or even out "
+            "the times"
         )
     return spline
 

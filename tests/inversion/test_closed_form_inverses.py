@@ -1,7 +1,7 @@
 """Inverses of textbook transfer functions against partial fractions and two-sided convolution.
 
 With den/num = sum p_k s^k + sum c_i / (s - z_i)^m_i the bounded input is the polynomial part applied to the derivatives of y_d,
-plus y_d convolved with c t^(m-1) e^(z t) / (m-1)!, run forward in time for stable zeros and backward, with the sign turned, for others.
+plus y_d convolved with c t^(m-1) e^(z t) / (m-1)!, forward in time for stable zeros and backward, with the sign turned, for others.
 """
 
 from __future__ import annotations

@@ -26,17 +26,18 @@ class Rig:
         return invtrack.TrackingController(self.nominal, self.gains)
 
 
-def cantilever_plant() -> invtrack.Plant:
+def cantilever_plant(measurements: tuple[str, ...] | None = None) -> invtrack.Plant:
     return invtrack.Plant.from_xml(
         invtrack.model_path("cantilever"),
         inputs=["base_force"],
         outputs=["tip_position"],
+        measurements=measurements,
         parameters={"tip_mass": invtrack.BodyMass("tip")},
     )
 
 
-def cantilever_rig(tolerance: float = 1e-11) -> Rig:
-    plant = cantilever_plant()
+def cantilever_rig(tolerance: float = 1e-11, measurements: tuple[str, ...] | None = None) -> Rig:
+    plant = cantilever_plant(measurements)
     model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=m) for m in MASSES], JUMPS)
     reference = invtrack.versine()
     return Rig(

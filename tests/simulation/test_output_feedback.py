@@ -1,0 +1,172 @@
+"""Controllers with a few imperfect sensors, and the linear model as the prediction of the physics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import invtrack
+from invtrack.errors import SimulationError
+from invtrack.simulation.sensors import SensorChain
+from tests.simulation.rigs import JUMPS, Rig, cantilever_rig
+
+POLES = (-2 + 2j, -2 - 2j, -1.5 + 1j, -1.5 - 1j, -1 + 0.5j, -1 - 0.5j)
+START, STOP = -5.0, 15.0
+
+
+@pytest.fixture(scope="module")
+def rig() -> Rig:
+    return cantilever_rig(measurements=("base_position", "tip_position"))
+
+
+def run(rig: Rig, plant: invtrack.Plant | invtrack.LinearPlant, controller: object, **options: object) -> invtrack.RunResult:
+    settings: dict[str, object] = {"timestep": 2e-3, "start": START, "stop": STOP, **options}
+    settings.setdefault("initial_state", rig.nominal(START).x[0])
+    if plant is rig.plant:
+        settings.setdefault("schedule", rig.schedule)
+    return invtrack.simulate(plant, controller, **settings)  # type: ignore[arg-type]
+
+
+def with_observer(rig: Rig, **options: object) -> invtrack.OutputFeedbackController:
+    return invtrack.OutputFeedbackController(rig.nominal, rig.gains, invtrack.LuenbergerObserver(POLES), **options)  # type: ignore[arg-type]
+
+
+def test_linear_model_predicts_the_physics(rig: Rig) -> None:
+    linear = invtrack.LinearPlant(rig.model, like=rig.plant)
+    noise = {
+        "tip_position": invtrack.Sensor(noise=1e-3, quantization=1e-4),
+        "base_position": invtrack.Sensor(noise=1e-3, delay=0.015),
+    }
+    for controller in (invtrack.TrackingController(rig.nominal, rig.gains, period=0.01), with_observer(rig, period=0.01)):
+        physics = run(rig, rig.plant, controller, sensors=noise)
+        prediction = run(rig, linear, controller, sensors=noise)
+        assert np.array_equal(physics.time, prediction.time)
+        np.testing.assert_allclose(physics.output.values, prediction.output.values, atol=1e-6)
+        assert (physics.output.names, physics.output.units) == (prediction.output.names, prediction.output.units)
+
+
+def test_linear_plant_tracks_to_the_same_order(rig: Rig) -> None:
+    linear = invtrack.LinearPlant(rig.model)
+    for hold, steps, order in (("midpoint", (8e-3, 4e-3), 2), ("continuous", (0.16, 0.08), 4)):
+        errors = [invtrack.max_error(run(rig, linear, rig.controller, hold=hold, timestep=step)) for step in steps]
+        assert np.log(errors[0] / errors[1]) / np.log(steps[0] / steps[1]) == pytest.approx(order, abs=0.25)
+
+
+def test_without_noise_the_observer_costs_nothing_on_the_plan(rig: Rig) -> None:
+    state = invtrack.max_error(run(rig, rig.plant, invtrack.TrackingController(rig.nominal, rig.gains, period=0.01)))
+    observer = invtrack.max_error(run(rig, rig.plant, with_observer(rig, period=0.01)))
+    assert observer < 3 * state
+
+
+def test_a_wrong_start_is_estimated_away_at_the_observers_rate(rig: Rig) -> None:
+    linear = invtrack.LinearPlant(rig.model)
+    wrong = rig.nominal(START).x[0] + np.array([0.1, -0.05, 0.2, 0.0, 0.1, 0.0])
+    result = run(rig, linear, with_observer(rig), initial_state=wrong)
+    error = np.linalg.norm(result.estimate.values - result.state.values[:-1], axis=1)
+    assert error[0] > 0.05
+    early, late = np.searchsorted(result.time, [START + 6, START + 12])
+    rate = np.log(error[early] / error[late]) / 6.0
+    assert rate == pytest.approx(1.0, abs=0.15)  # slowest observer poles: -1 +- 0.5j
+
+
+def test_kalman_filter_is_the_better_estimator_for_the_noise_it_is_designed_for(rig: Rig) -> None:
+    linear = invtrack.LinearPlant(rig.model)
+    sensors = {name: invtrack.Sensor(noise=2e-3) for name in ("base_position", "tip_position")}
+    spread = {}
+    for name, observer in (
+        ("kalman", invtrack.KalmanFilter(input_noise=1e-2, measurement_noise=2e-3)),
+        ("fast poles", invtrack.LuenbergerObserver([3 * pole for pole in POLES])),
+    ):
+        controller = invtrack.OutputFeedbackController(rig.nominal, rig.gains, observer, period=0.01)
+        result = run(rig, linear, controller, sensors=sensors)
+        spread[name] = np.std(result.estimate.values - result.state.values[:-1], axis=0)
+    assert np.all(spread["kalman"] < spread["fast poles"])
+    assert spread["kalman"][2] < 0.3 * spread["fast poles"][2]  # the rotation, which no sensor sees
+
+
+def test_a_known_delay_is_compensated(rig: Rig) -> None:
+    late = {name: invtrack.Sensor(delay=0.02) for name in ("base_position", "tip_position")}
+    ignored = invtrack.max_error(run(rig, rig.plant, with_observer(rig), sensors=late))
+    known = invtrack.max_error(run(rig, rig.plant, with_observer(rig, measurement_delay=0.02), sensors=late))
+    assert known < 1e-2 * ignored
+
+
+def test_input_is_held_between_updates_and_its_mean_costs_second_order(rig: Rig) -> None:
+    controller = invtrack.TrackingController(rig.nominal, rig.gains, period=0.05)
+    result = run(rig, rig.plant, controller)
+    changes = np.flatnonzero(np.diff(result.commanded["base_force"]) != 0) + 1
+    phase = (result.time[changes] - START) / 0.05
+    np.testing.assert_allclose(phase, np.rint(phase), atol=1e-9)
+    assert len(changes) == round((STOP - START) / 0.05) - 1
+    # How much a hold that straddles a jump costs depends on where the jump falls in it, so the order shows over a wide range only.
+    periods = (0.08, 0.01)
+    errors = [
+        invtrack.max_error(run(rig, rig.plant, invtrack.TrackingController(rig.nominal, rig.gains, period=period)))
+        for period in periods
+    ]
+    assert np.log(errors[0] / errors[1]) / np.log(periods[0] / periods[1]) == pytest.approx(2.0, abs=0.4)
+
+
+def test_the_same_seed_gives_the_same_noise(rig: Rig) -> None:
+    linear = invtrack.LinearPlant(rig.model)
+    noise = {"tip_position": invtrack.Sensor(noise=1e-3)}
+    first, second = (run(rig, linear, with_observer(rig), sensors=noise, seed=3, stop=0.0) for _ in range(2))
+    other = run(rig, linear, with_observer(rig), sensors=noise, seed=4, stop=0.0)
+    assert first.equals(second)
+    assert not first.equals(other)
+
+
+def test_sensor_values_are_recorded_and_read_back(rig: Rig, tmp_path: Path) -> None:
+    result = run(
+        rig, rig.plant, with_observer(rig, period=0.01), stop=0.0, sensors={"tip_position": invtrack.Sensor(quantization=1e-3)}
+    )
+    digits = result.measured["tip_position"] / 1e-3
+    np.testing.assert_allclose(digits, np.rint(digits), atol=1e-9)
+    assert result.measured.units == ("m", "m")
+    invtrack.save_recording(result, tmp_path / "run.rrd")
+    assert invtrack.load_recording(tmp_path / "run.rrd")["run"].equals(result)
+
+
+def test_delay_interpolates_between_steps() -> None:
+    time = np.array([0.0, 0.1, 0.2, 0.3])
+    ideal = np.column_stack([time**1, 10 * time])
+    chain = SensorChain(["a", "b"], {"a": invtrack.Sensor(delay=0.15)}, seed=0)
+    np.testing.assert_allclose(chain.sample(3, time, ideal), [0.15, 3.0])
+    np.testing.assert_allclose(chain.sample(1, time, ideal), [0.0, 1.0])
+    np.testing.assert_allclose(chain.sample(0, time, ideal), [0.0, 0.0])
+
+
+def test_limits_of_a_linear_plant(rig: Rig) -> None:
+    linear = invtrack.LinearPlant(rig.model, input_limits=[[-100.0, 100.0]])
+    with pytest.warns(RuntimeWarning, match=r"needs base_force from -268\.\d to 215\.\d"):
+        result = run(rig, linear, rig.controller)
+    assert invtrack.peak_input(result) == 100.0
+
+
+def test_switch_times_of_the_linear_plant_are_its_own(rig: Rig) -> None:
+    late = invtrack.LinearPlant(invtrack.SwitchedSystem(rig.model.systems, [t + 0.05 for t in JUMPS]))
+    physics = run(rig, rig.plant, rig.controller, schedule=[invtrack.Change(c.time + 0.05, **c.parameters) for c in rig.schedule])
+    prediction = run(rig, late, rig.controller)
+    assert invtrack.max_error(prediction) == pytest.approx(invtrack.max_error(physics), rel=1e-4)
+    assert invtrack.max_error(physics) > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"sensors": {"tip": invtrack.Sensor()}}, "the plant's measurements are: base_position, tip_position"),
+        ({"hold": "continuous"}, "without a state"),
+        ({"schedule": [invtrack.Change(1.0, tip_mass=2.0)]}, "switches by its own switch times"),
+    ],
+)
+def test_bad_requests_are_refused(rig: Rig, options: dict[str, object], message: str) -> None:
+    with pytest.raises(SimulationError, match=message):
+        run(rig, invtrack.LinearPlant(rig.model), with_observer(rig), **options)
+
+
+@pytest.mark.parametrize("field", ["noise", "quantization", "delay"])
+def test_negative_imperfections_are_refused(field: str) -> None:
+    with pytest.raises(SimulationError, match=f"sensor's {field} must be finite and not negative"):
+        invtrack.Sensor(**{field: -1e-3})
