@@ -81,17 +81,17 @@ class OutputFeedbackController:
     def begin(self, instants: Instants) -> OutputFeedbackLaw:
         """The law for one run: plan looked up, observer gains designed for each interval and hold that occurs."""
         model = self._nominal.model
-        plan = self._nominal(instants.time, inside=instants.inside)
-        seen = self._nominal(instants.time - self._delay, inside=instants.inside if self._delay <= 0 else None)
+        x_ref = self._nominal.states(instants.time, inside=instants.inside)
+        seen = self._nominal.states(instants.time - self._delay, inside=instants.inside if self._delay <= 0 else None)
         interval = model.interval(instants.inside)
         expected = np.stack([system.measurement.y0 for system in model.systems])[interval]
         for k, system in enumerate(model.systems):
-            expected[interval == k] += seen.x[interval == k] @ system.measurement.C.T
+            expected[interval == k] += seen[interval == k] @ system.measurement.C.T
         gain_of = self._gains.interval(instants.inside)
         # Holds are equal but for rounding within an interval: one design serves all that agree to 9 digits.
         keys = list(zip(interval.tolist(), gain_of.tolist(), [float(f"{hold:.9g}") for hold in instants.hold], strict=True))
         designs = {key: self._design(model.systems[key[0]], self._gains.gains[key[1]], key[2]) for key in dict.fromkeys(keys)}
-        return OutputFeedbackLaw(mean_feedforward(self._nominal, instants), plan.x, expected, [designs[key] for key in keys])
+        return OutputFeedbackLaw(mean_feedforward(self._nominal, instants), x_ref, expected, [designs[key] for key in keys])
 
     def _design(self, system: StateSpace, gain: Array, hold: float) -> _Design:
         n, p = system.n_states, system.n_channels

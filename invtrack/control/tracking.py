@@ -61,7 +61,7 @@ class TrackingController:
 
     def begin(self, instants: Instants) -> TrackingLaw:
         """The law for one run: plan and gains looked up for all its instants at once."""
-        x_ref = self._nominal(instants.time, inside=instants.inside).x
+        x_ref = self._nominal.states(instants.time, inside=instants.inside)
         interval = self._gains.interval(instants.inside)
         offset = mean_feedforward(self._nominal, instants)
         for k, gain in enumerate(self._gains.gains):
@@ -87,7 +87,7 @@ class TrackingLaw:
 
 def mean_feedforward(nominal: NominalTrajectory, instants: Instants) -> Array:
     """The plan's input averaged over each hold, (m, p)."""
-    return instants.mean_over_hold(lambda times, inside: nominal(times, inside=inside).u)
+    return instants.mean_over_hold(lambda times, inside: nominal.inputs(times, inside=inside))
 
 
 def as_gain_schedule(gains: GainSchedule | ArrayLike | None, nominal: NominalTrajectory) -> GainSchedule:

@@ -134,7 +134,15 @@ def _require_consistent(
                 "keeps the output exact through it; let the reference there take the value that the state before gives"
             )
     scale = max(assembly.size, np.finfo(float).tiny)
+    compatibility_rows = 0
     for k, miss in enumerate(solution.inconsistency[:-1]):
+        compatibility_rows += len(assembly.junctions[k].rhs) - len(splits[k + 1].internal.A_eta)
+        if miss > CONSISTENCY_TOLERANCE * scale and not compatibility_rows:
+            raise BoundednessError(
+                "no bounded inverse: the internal state that the past leaves at the jump at "
+                f"t = {plant.switch_times[k]:.6g} s is off the one that stays bounded over the next interval by "
+                f"{miss / scale:.1e} of the trajectory's size; change the reference, the parameters after the jump, or the output"
+            )
         if miss > CONSISTENCY_TOLERANCE * scale:
             raise CompatibilityError(
                 f"at the jump at t = {plant.switch_times[k]:.6g} s the state cannot be continuous and the output exact at "

@@ -9,6 +9,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from invtrack.errors import RelativeDegreeError
+from invtrack.lti.balancing import balancing_scale
 from invtrack.lti.state_space import StateSpace
 
 Array = NDArray[np.float64]
@@ -122,7 +123,7 @@ def _couplings(system: StateSpace, A_x: Array, B_y: Array) -> Array:
 def _internal_coordinates(couplings: Array, C_star: Array) -> tuple[Array, Array, Array]:
     """P, V, N with C_star P = I, C_star V = 0, N P = 0, N V = I; V orthonormal in states balanced to `couplings`."""
     n, rho = len(couplings), len(C_star)
-    _, (scale, _) = scipy.linalg.matrix_balance(couplings, permute=False, separate=True)
+    scale = balancing_scale(couplings)
     scaled = C_star * scale
     row_size = np.linalg.norm(scaled, axis=1, keepdims=True)
     Q, R = np.linalg.qr((scaled / row_size).T, mode="complete") if rho else (np.eye(n), np.zeros((n, 0)))

@@ -52,9 +52,9 @@ class TwoSidedTrajectory:
         """Index of the piece that holds each time; a breakpoint belongs to the piece on its right."""
         return np.searchsorted(self.breakpoints, np.asarray(t, dtype=float), side="right")
 
-    def __call__(self, times: Array, piece: NDArray[np.intp]) -> Array:
-        """Stacked values at times (m,) taken in the pieces (m,) stated: (m, n + 2 p)."""
-        result = np.empty((len(times), self.generators[0].X_f.shape[0]))
+    def __call__(self, times: Array, piece: NDArray[np.intp], rows: slice = slice(None)) -> Array:
+        """Stacked values at times (m,) taken in the pieces (m,) stated, all or some of their rows: (m, n + 2 p)."""
+        result = np.empty((len(times), len(self.generators[0].X_f[rows])))
         since = np.maximum(times - self.breakpoints[np.maximum(piece - 1, 0)], 0.0)
         until = np.maximum(self.breakpoints[np.minimum(piece, len(self.breakpoints) - 1)] - times, 0.0)
         for index, g in enumerate(self.generators):
@@ -62,8 +62,8 @@ class TwoSidedTrajectory:
             if chosen.size == 0:
                 continue
             forward, backward = g.propagators
-            result[chosen] = forward.outputs(g.X_f, self.v_f[:, : len(g.M_f)], piece[chosen], since[chosen])
-            result[chosen] += backward.outputs(g.X_b, self.v_b[:, : len(g.M_b)], piece[chosen], until[chosen])
+            result[chosen] = forward.outputs(g.X_f[rows], self.v_f[:, : len(g.M_f)], piece[chosen], since[chosen])
+            result[chosen] += backward.outputs(g.X_b[rows], self.v_b[:, : len(g.M_b)], piece[chosen], until[chosen])
         return result
 
 
@@ -136,13 +136,27 @@ class NominalTrajectory:
         nodes = np.cos(
             np.linspace(0.0, np.pi, per_piece)
         )  # dense at the ends, where the input peaks, both sides of a jump included
-        u = self((middle[:, None] + half[:, None] * nodes).ravel(), inside=np.repeat(middle, per_piece)).u
+        u = self.inputs((middle[:, None] + half[:, None] * nodes).ravel(), inside=np.repeat(middle, per_piece))
         return u.min(axis=0), u.max(axis=0)
 
     @property
     def breakpoints(self) -> Array:
         """Times [s] at which the plan is not smooth: switch times and the reference's breakpoints."""
         return self.trajectory.breakpoints
+
+    def states(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
+        """States (m, n) at times t (m,) [s], as deviations from the operating point; see __call__."""
+        return self._rows(t, inside, slice(0, self.model.systems[0].n_states))
+
+    def inputs(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
+        """Inputs (m, p) at times t (m,) [s]; see __call__."""
+        n, p = self.model.systems[0].n_states, self.model.systems[0].n_channels
+        return self._rows(t, inside, slice(n, n + p)) + self.model.systems[0].operating_point.u0
+
+    def _rows(self, t: ArrayLike, inside: ArrayLike | None, rows: slice) -> Array:
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        within = times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape)
+        return self.trajectory(times, self.trajectory.locate(within), rows)
 
     def __call__(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Samples:
         """Values at times t (m,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import TrajectoryError
-from invtrack.lti.propagation import flow
+from invtrack.lti.propagation import Propagator
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,14 @@ class Generator:
         """R S^order (p, q): the row that gives the derivative of that order."""
         row: Array = self.R @ np.linalg.matrix_power(self.S, order)
         return row
+
+    def propagator(self, direction: float) -> Propagator:
+        """exp(S tau), or exp(-S tau) for a negative direction."""
+        return self._propagators[0 if direction > 0 else 1]
+
+    @cached_property
+    def _propagators(self) -> tuple[Propagator, Propagator]:
+        return Propagator(self.S), Propagator(-self.S)
 
 
 def constant_generator(p: int) -> Generator:
@@ -83,22 +92,23 @@ class PiecewiseSignal:
         """
         times = np.atleast_1d(np.asarray(t, dtype=float))
         piece = self.locate(times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape))
-        result = np.empty((len(times), self.n_channels))
-        for index, generator in enumerate(self.generators):
-            chosen = self.kind[piece] == index
-            states = self._generator_states(generator, piece[chosen], times[chosen])
-            result[chosen] = states @ generator.derivative(derivative).T
+        rows = [generator.derivative(derivative) for generator in self.generators]
+        result = self._values(rows, piece, times)
         return result[0] if np.ndim(t) == 0 else result
 
-    def _generator_states(self, generator: Generator, piece: NDArray[np.intp], times: Array) -> Array:
-        start = self.breakpoints[np.maximum(piece - 1, 0)]
-        q = len(generator.S)
-        states = np.empty((len(piece), q))
+    def _values(self, rows: list[Array], piece: NDArray[np.intp], times: Array) -> Array:
+        """rows[kind] w(t) at times taken in the pieces stated, (m, k)."""
+        result = np.empty((len(times), len(rows[0])))
+        since = times - self.breakpoints[np.maximum(piece - 1, 0)]
         before = piece == 0
-        w = self.anchors[piece, :q]
-        states[before] = flow(-generator.S, w[before], start[before] - times[before])
-        states[~before] = flow(generator.S, w[~before], np.maximum(times[~before] - start[~before], 0.0))
-        return states
+        for index, (generator, X) in enumerate(zip(self.generators, rows, strict=True)):
+            ours = self.kind[piece] == index
+            w = self.anchors[:, : len(generator.S)]
+            for chosen, direction in ((np.flatnonzero(ours & ~before), 1.0), (np.flatnonzero(ours & before), -1.0)):
+                if chosen.size:
+                    tau = np.maximum(direction * since[chosen], 0.0)
+                    result[chosen] = generator.propagator(direction).outputs(X, w, piece[chosen], tau)
+        return result
 
     def jumps(self, order: int) -> Array:
         """Jump of the derivative of the stated order at each breakpoint, as a share of that derivative's size: (m + 1, p)."""
@@ -152,8 +162,8 @@ class PiecewiseSignal:
         anchors = np.zeros((len(owner), self.anchors.shape[1]))
         for index, generator in enumerate(self.generators):
             chosen = self.kind[owner] == index
-            states = self._generator_states(generator, owner[chosen], anchor_times[chosen])
-            anchors[chosen, : len(generator.S)] = states
+            rows = [np.eye(len(generator.S))] * len(self.generators)
+            anchors[chosen, : len(generator.S)] = self._values(rows, owner[chosen], anchor_times[chosen])
         unmoved = np.isin(anchor_times, self.breakpoints)  # keep these to the last bit
         unmoved[0] = breakpoints[0] == self.breakpoints[0]
         anchors[unmoved] = self.anchors[owner[unmoved]]

@@ -103,11 +103,11 @@ def reference_report(
     edges = reference.breakpoints
     lengths = np.diff(edges)
     left, right, inner = _derivatives(reference, highest)
-    peaks = np.max(np.abs(np.concatenate([left, right, *inner])), axis=0)
+    peaks = np.max([np.max(np.abs(values), axis=0) for values in (left, right, *inner) if len(values)], axis=0)
     # What differentiation leaves of the rounding of lower orders is no size to measure jumps by.
     size = peaks.copy()
-    for order in range(1, highest + 1):
-        size[order] = np.maximum(size[order], 1e-3 * size[order - 1] / max(float(lengths.sum()), np.finfo(float).tiny))
+    for order in range(1, highest + 1 if lengths.size else 0):
+        size[order] = np.maximum(size[order], 1e-3 * size[order - 1] / lengths.sum())
     small = JUMP_TOLERANCE * np.where(size > 0, size, 1.0)
     smooth = np.all(np.abs(right - left) <= small, axis=0)
     still = np.maximum(np.abs(left), np.abs(right))[[0, -1]] <= small
@@ -131,8 +131,8 @@ def derivative_unit(unit: str, order: int) -> str:
     return f"{unit or '1'}/s" + (f"^{order}" if order > 1 else "")
 
 
-def _derivatives(reference: PiecewiseSignal, highest: int) -> tuple[Array, Array, Array]:
-    """All derivatives (., highest + 1, p): left and right of each breakpoint, and (3, m, ...) at three points of each piece."""
+def _derivatives(reference: PiecewiseSignal, highest: int) -> tuple[Array, Array, list[Array]]:
+    """All derivatives (., highest + 1, p): left and right of each breakpoint, and inside each piece at three points."""
     # One signal with the derivatives as further channels, so that each state is propagated once for all of them.
     orders = range(highest + 1)
     generators = tuple(Generator(g.S, np.vstack([g.derivative(k) for k in orders])) for g in reference.generators)
@@ -144,16 +144,16 @@ def _derivatives(reference: PiecewiseSignal, highest: int) -> tuple[Array, Array
     left = stacked(edges, inside=within[:-1]).reshape(shape)
     right = stacked(edges, inside=within[1:]).reshape(shape)
     inner = [stacked(middle + share * lengths, inside=middle).reshape(shape) for share in (-1 / 3, 0.0, 1 / 3)]
-    return left, right, np.array(inner)
+    return left, right, inner
 
 
-def _roughness(inner: Array) -> Array:
+def _roughness(inner: list[Array]) -> Array:
     """rms difference between neighbouring pieces at like points of them, relative to the rms: (orders, p)."""
-    if inner.shape[1] < FEWEST_PIECES:
-        return np.full(inner.shape[2:], np.nan)
-    rms = np.sqrt(np.mean(inner**2, axis=(0, 1)))
-    change = np.sqrt(np.mean(np.diff(inner, axis=1) ** 2, axis=(0, 1)))
-    ratio: Array = change / np.where(rms > 0, rms, 1.0)
+    if len(inner[0]) < FEWEST_PIECES:
+        return np.full(inner[0].shape[1:], np.nan)
+    square = np.sum([np.mean(values**2, axis=0) for values in inner], axis=0)
+    change = np.sum([np.mean(np.diff(values, axis=0) ** 2, axis=0) for values in inner], axis=0)
+    ratio: Array = np.sqrt(change / np.where(square > 0, square, 1.0))
     return ratio
 
 

@@ -23,7 +23,7 @@ MISS_TOLERANCE = 1e-9
 """How far the spline may miss a sample, as a share of its channel's motion: it does where samples lie very unevenly."""
 
 LARGEST_EXCURSION = 100.0
-"""How far it may go between samples, as a multiple of that motion; through evenly spaced ones it goes a few times as far at most."""
+"""How far it may go between samples, as a multiple of that motion; between evenly spaced ones it is a small multiple."""
 
 
 def sampled_reference(times: ArrayLike, values: ArrayLike, *, degree: int = 5, smoothness: int | None = None) -> PiecewiseSignal:
@@ -168,8 +168,8 @@ def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> BSpline:
         spacing = np.diff(t)
         raise TrajectoryError(
             f"the samples lie too unevenly for a spline of degree {degree}: it misses them, or leaves their range far behind "
-            f"between them; the largest spacing is {spacing.max() / spacing.min():.1e} times the smallest; lower the degree or even out "
-            "the times"
+            f"between them; the largest spacing is {spacing.max() / spacing.min():.1e} times the smallest; lower the degree or "
+            "even out the times"
         )
     return spline
 

@@ -93,8 +93,7 @@ def simulate(
         measures=controller.measures,
         sensors=SensorChain(simulated.measurement_names, sensors or {}, seed),
     )
-    sizes = (len(simulated.state_names), len(simulated.input_names), len(simulated.measurement_names))
-    recorded = run.go(sizes, at_stages=hold == "continuous", progress=progress)
+    recorded = run.go(at_stages=hold == "continuous", progress=progress)
     return make_result(
         name, simulated, controller, recorded, Circumstances(grid, initial, later, timestep, hold, vibration_period=period)
     )

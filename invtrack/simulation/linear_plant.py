@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -90,49 +90,60 @@ class LinearPlant:
 class LinearStepper:
     """Exact steps with a held input, x <- A_d x + B_d u; with an input evaluated at every stage, steps of RK4."""
 
-    n_positions = 0
+    raw_is_deviation = True
 
     def __init__(self, plant: LinearPlant, x: Array) -> None:
-        self._plant, self._x = plant, np.array(x)
+        self._plant = plant
         self._system = plant.model.systems[0]
+        n, p, m = self._system.n_states, self._system.n_channels, len(self._system.measurement.names)
+        self._x = np.array(x)
+        self.state: tuple[Array, ...] = (self._x,)
+        self.control: Array = np.zeros(p)
+        self.sensors: Array = np.zeros(p + m)
+        self.output_columns, self.measurement_columns = np.arange(p), np.arange(p, p + m)
+        self.advance: Callable[[], None] = self._advance
         self._low, self._high = plant.input_limits.T
-        self._transitions: dict[tuple[int, float], Array] = {}
-        self._transition = np.zeros((0, 0))
-        self._timestep = 0.0
+        self._known: dict[tuple[int, float], tuple[Array, Array]] = {}
+        self._transition, self._timestep = np.zeros((n, n + p)), 0.0
+        self._sensor_rows = np.zeros((p + m, n + p))
+        self._sensors_at_rest = np.zeros(p + m)
 
     def enter(self, timestep: float, time: float, parameters: Mapping[str, float]) -> None:
         """Start an interval of steps of one length [s] at `time` [s]."""
         # A little inside the interval: its start may be a switch time, computed in another way.
         k = int(self._plant.model.interval(time + timestep / 2))
-        self._system, self._timestep = self._plant.model.systems[k], timestep
-        if (k, timestep) not in self._transitions:
-            n, p = self._system.n_states, self._system.n_channels
-            block = np.block([[self._system.A, self._system.B], [np.zeros((p, n + p))]])
-            self._transitions[k, timestep] = scipy.linalg.expm(block * timestep)[:n]
-        self._transition = self._transitions[k, timestep]
+        system = self._system = self._plant.model.systems[k]
+        n, p = system.n_states, system.n_channels
+        if (k, timestep) not in self._known:
+            block = np.block([[system.A, system.B], [np.zeros((p, n + p))]])
+            rows = np.block([[system.C, system.D], [system.measurement.C, system.measurement.D]])
+            self._known[k, timestep] = scipy.linalg.expm(block * timestep)[:n], rows
+        self._timestep = timestep
+        self._transition, self._sensor_rows = self._known[k, timestep]
+        self._sensors_at_rest = np.concatenate([system.operating_point.y0, system.measurement.y0])
 
-    def read(self, x: Array, qpos: Array) -> None:
-        """Write the state (n,)."""
-        x[:] = self._x
+    def refresh(self) -> None:
+        """Bring `sensors` up to the present state and input."""
+        self._sense(np.concatenate([self._x, self._deviation(self.control)]))
 
-    def sense(self, y_m: Array) -> None:
-        """Write the measurements; one that depends on the input at once takes it as at the operating point."""
-        y_m[:] = self._system.measurement.y0 + self._system.measurement.C @ self._x
+    def _advance(self) -> None:
+        together = np.concatenate([self._x, self._deviation(self.control)])
+        self._sense(together)
+        self._x[:] = self._transition @ together
 
-    def step(self, u: Array, y: Array, y_m: Array) -> None:
-        """Hold the input u (p,) for one step; outputs and measurements are those at its start."""
-        deviation = np.clip(u, self._low, self._high) - self._system.operating_point.u0
-        self._write(deviation, y, y_m)
-        self._x = self._transition @ np.concatenate([self._x, deviation])
+    def _deviation(self, u: Array) -> Array:
+        return np.asarray(np.clip(u, self._low, self._high) - self._system.operating_point.u0)
 
-    def read_outputs(self, y: Array, y_m: Array) -> None:
-        """Write outputs and measurements at the present state."""
-        self._write(np.zeros(self._system.n_channels), y, y_m)
+    def _sense(self, together: Array) -> None:
+        self.sensors[:] = self._sensors_at_rest + self._sensor_rows @ together
 
-    def _write(self, deviation: Array, y: Array, y_m: Array) -> None:
-        system = self._system
-        y[:] = system.operating_point.y0 + system.C @ self._x + system.D @ deviation
-        y_m[:] = system.measurement.y0 + system.measurement.C @ self._x + system.measurement.D @ deviation
+    def deviations(self, raw: Array) -> Array:
+        """The raw states themselves."""
+        return raw
+
+    def positions(self, raw: Array) -> Array:
+        """No columns: there is no geometry."""
+        return np.zeros((len(raw), 0))
 
     @contextmanager
     def stages(self, law: Law) -> Iterator[LinearStageInput]:
@@ -143,22 +154,19 @@ class LinearStepper:
         """Whether the state is not finite."""
         return not bool(np.all(np.isfinite(self._x)))
 
-    def runge_kutta(self, index: int, law: Law, y: Array, y_m: Array) -> Array:
+    def runge_kutta(self, index: int, law: Law) -> Array:
         """One step of RK4 with the law evaluated at each stage; returns the input at mid-step."""
-        system, h, x = self._system, self._timestep, self._x
+        system, h, x = self._system, self._timestep, self._x.copy()
         rates: list[Array] = []
-        middle = np.zeros(system.n_channels)
-        for stage, (instant, share) in enumerate(((0, 0.0), (1, 0.5), (1, 0.5), (2, 1.0))):
+        inputs: list[Array] = []
+        for instant, share in ((0, 0.0), (1, 0.5), (1, 0.5), (2, 1.0)):
             state = x + share * h * rates[-1] if rates else x
-            u = law.update(3 * index + instant, state)
-            deviation = np.clip(u, self._low, self._high) - system.operating_point.u0
-            if stage == 0:
-                self._write(deviation, y, y_m)
-            if stage == 1:
-                middle = u
-            rates.append(system.A @ state + system.B @ deviation)
-        self._x = x + h / 6 * (rates[0] + 2 * rates[1] + 2 * rates[2] + rates[3])
-        return middle
+            inputs.append(law.update(3 * index + instant, state))
+            rates.append(system.A @ state + system.B @ self._deviation(inputs[-1]))
+        self.control[:] = inputs[0]
+        self.refresh()
+        self._x[:] = x + h / 6 * (rates[0] + 2 * rates[1] + 2 * rates[2] + rates[3])
+        return inputs[1]
 
 
 class LinearStageInput:
@@ -167,9 +175,9 @@ class LinearStageInput:
     def __init__(self, stepper: LinearStepper, law: Law) -> None:
         self._stepper, self._law = stepper, law
 
-    def step(self, index: int, y: Array, y_m: Array) -> Array:
+    def step(self, index: int) -> Array:
         """Take step number `index`; returns the input (p,) at its middle."""
-        return self._stepper.runge_kutta(index, self._law, y, y_m)
+        return self._stepper.runge_kutta(index, self._law)
 
 
 def _units(names: Sequence[str], known: Mapping[str, str]) -> tuple[str, ...]:

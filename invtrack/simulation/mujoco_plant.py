@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 
 import mujoco
@@ -16,7 +17,7 @@ from invtrack.errors import PlantError, SimulationError
 from invtrack.lti.modes import slowest_flexible_period
 from invtrack.lti.state_space import OperatingPoint
 from invtrack.physics.callbacks import mujoco_callbacks
-from invtrack.physics.coordinates import configuration_of, split
+from invtrack.physics.coordinates import configuration_of
 from invtrack.physics.linearize import linearize
 from invtrack.physics.plant import Plant
 
@@ -74,24 +75,37 @@ class MujocoPlant:
 
 
 class MujocoStepper:
-    """One run of a plant: its own copy of the model, its data, and the state read from them."""
+    """One run of a plant: its own copy of the model, and its data."""
 
     def __init__(self, plant: Plant, x: Array, parameters: Mapping[str, float]) -> None:
         self.plant = plant
         self.model = plant.model_with(parameters)
         # With automatic reset MuJoCo answers divergence by starting over from qpos0, as if nothing had happened.
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        self.data = plant.new_data(self.model)
-        x0 = plant.operating_point_in(self.model).x0
-        self.data.qpos[:], self.data.qvel[:], self.data.act[:] = configuration_of(self.model, x0, x)
-        self._qpos0, self._qvel0, self._act0 = split(self.model, x0)
-        self._nv, self._quaternions = self.model.nv, self.model.nq != self.model.nv
-        self._inputs, self._outputs, self._sensors = plant.input_addresses, plant.output_addresses, plant.measurement_addresses
+        self.data = data = plant.new_data(self.model)
+        self._x0 = plant.operating_point_in(self.model).x0
+        data.qpos[:], data.qvel[:], data.act[:] = configuration_of(self.model, self._x0, x)
+        self.state: tuple[Array, ...] = (data.qpos, data.qvel, data.act) if self.model.na else (data.qpos, data.qvel)
+        columns = np.concatenate([plant.output_addresses, plant.measurement_addresses])
+        first, last = int(columns.min()), int(columns.max())
+        self.sensors: Array = data.sensordata[first : last + 1]
+        self.output_columns = plant.output_addresses - first
+        self.measurement_columns = plant.measurement_addresses - first
+        self.control, self.advance = self._control_and_step(plant.input_addresses)
+        self.raw_is_deviation = self.model.nq == self.model.nv and not np.any(self._x0)
 
-    @property
-    def n_positions(self) -> int:
-        """Length of qpos."""
-        return int(self.model.nq)
+    def _control_and_step(self, inputs: NDArray[np.intp]) -> tuple[Array, Callable[[], None]]:
+        """Where the input is written, and the function that takes a step."""
+        ctrl, step = self.data.ctrl, partial(mujoco.mj_step, self.model, self.data)
+        if np.array_equal(inputs, np.arange(inputs[0], inputs[0] + len(inputs))):
+            return ctrl[inputs[0] : inputs[-1] + 1], step
+        scattered = np.array(ctrl[inputs])
+
+        def scatter_and_step() -> None:
+            ctrl[inputs] = scattered
+            step()
+
+        return scattered, scatter_and_step
 
     def enter(self, timestep: float, time: float, parameters: Mapping[str, float]) -> None:
         """Start an interval: length of its steps [s], its time [s], and parameters that change now."""
@@ -100,35 +114,24 @@ class MujocoStepper:
         if parameters:
             self.plant.apply(self.model, parameters)
 
-    def read(self, x: Array, qpos: Array) -> None:
-        """Write the state (n,), as deviation from the operating point, and qpos (nq,)."""
-        data, nv = self.data, self._nv
-        qpos[:] = data.qpos
-        if self._quaternions:
-            mujoco.mj_differentiatePos(self.model, x[:nv], 1.0, self._qpos0, data.qpos)
-        else:
-            np.subtract(qpos, self._qpos0, out=x[:nv])
-        np.subtract(data.qvel, self._qvel0, out=x[nv : 2 * nv])
-        if len(x) > 2 * nv:
-            np.subtract(data.act, self._act0, out=x[2 * nv :])
-
-    def sense(self, y_m: Array) -> None:
-        """Write what ideal sensors measure at the present state: after mj_step MuJoCo's own values are one step old."""
+    def refresh(self) -> None:
+        """Bring `sensors` up to the present state: after mj_step they are one step old."""
         mujoco.mj_forward(self.model, self.data)
-        y_m[:] = self.data.sensordata[self._sensors]
 
-    def step(self, u: Array, y: Array, y_m: Array) -> None:
-        """Hold the input u (p,) for one step; outputs and measurements are those at its start, where MuJoCo computes sensors."""
-        data = self.data
-        data.ctrl[self._inputs] = u
-        mujoco.mj_step(self.model, data)
-        y[:] = data.sensordata[self._outputs]
-        y_m[:] = data.sensordata[self._sensors]
+    def deviations(self, raw: Array) -> Array:
+        """States (k, n), as deviations from the operating point, of raw states (k, nq + nv + na)."""
+        nq, nv = self.model.nq, self.model.nv
+        if nq == nv:
+            return raw - self._x0
+        result = np.empty((len(raw), 2 * nv + self.model.na))
+        for row, out in zip(raw, result, strict=True):
+            mujoco.mj_differentiatePos(self.model, out[:nv], 1.0, self._x0[:nq], row[:nq])
+        result[:, nv:] = raw[:, nq:] - self._x0[nq:]
+        return result
 
-    def read_outputs(self, y: Array, y_m: Array) -> None:
-        """Write outputs and measurements at the present state."""
-        self.sense(y_m)
-        y[:] = self.data.sensordata[self._outputs]
+    def positions(self, raw: Array) -> Array:
+        """qpos (k, nq) of raw states (k, nq + nv + na)."""
+        return raw[:, : self.model.nq]
 
     @contextmanager
     def stages(self, law: Law) -> Iterator[RungeKuttaInput]:
@@ -152,23 +155,24 @@ class RungeKuttaInput:
 
     def __init__(self, stepper: MujocoStepper, law: Law) -> None:
         self._law, self._stepper = law, stepper
-        self._x, self._qpos = np.zeros(stepper.plant.n_states), np.zeros(stepper.n_positions)
         self._inputs = stepper.plant.input_addresses
         self._index, self._stage = 0, len(STAGES_OF_RK4)
         self._middle = np.zeros(len(self._inputs))
 
-    def step(self, index: int, y: Array, y_m: Array) -> Array:
+    def step(self, index: int) -> Array:
         """Take step number `index`; returns the input (p,) at its middle."""
         self._index, self._stage = index, 0
-        self._stepper.step(self._stepper.data.ctrl[self._inputs], y, y_m)
+        self._stepper.advance()
         return self._middle
 
     def control(self, _model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """MuJoCo's control callback: one call in each stage."""
         if self._stage >= len(STAGES_OF_RK4):
             return  # an evaluation outside a step keeps the last input
-        self._stepper.read(self._x, self._qpos)
-        u = self._law.update(3 * self._index + STAGES_OF_RK4[self._stage], self._x)
+        x = np.concatenate(self._stepper.state)
+        if not self._stepper.raw_is_deviation:
+            x = self._stepper.deviations(x[np.newaxis])[0]
+        u = self._law.update(3 * self._index + STAGES_OF_RK4[self._stage], x)
         data.ctrl[self._inputs] = u
         if self._stage == 1:
             self._middle = u

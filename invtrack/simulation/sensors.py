@@ -45,12 +45,12 @@ class SensorChain:
         self._noisy, self._digital, self._late = bool(np.any(self._noise)), bool(np.any(self._digit)), bool(np.any(self._delay))
         self._random = np.random.default_rng(seed)
 
-    def sample(self, index: int, time: Array, ideal: Array) -> Array:
-        """What the sensors show at time[index] (m,), from the ideal values (N, m) up to and including row `index`.
+    def sample(self, index: int, time: Array, ideal: Array, columns: NDArray[np.intp]) -> Array:
+        """What the sensors show at time[index] (m,), from ideal values (N, k) up to and including row `index`, in m columns.
 
         A delayed sensor shows an earlier value, interpolated between steps; before the run began, the first.
         """
-        shown = self._delayed(index, time, ideal) if self._late else ideal[index].copy()
+        shown = self._delayed(index, time, ideal, columns) if self._late else ideal[index, columns]
         if self._noisy:
             shown += self._noise * self._random.standard_normal(len(shown))
         if self._digital:
@@ -58,12 +58,11 @@ class SensorChain:
             shown[digital] = np.rint(shown[digital] / self._digit[digital]) * self._digit[digital]
         return shown
 
-    def _delayed(self, index: int, time: Array, ideal: Array) -> Array:
-        instants = time[index] - self._delay
-        after = np.clip(np.searchsorted(time[: index + 1], instants), 1, max(index, 1))
+    def _delayed(self, index: int, time: Array, ideal: Array, columns: NDArray[np.intp]) -> Array:
         if index == 0:
-            return np.array(ideal[0])
-        columns = np.arange(ideal.shape[1])
+            return np.asarray(ideal[0, columns])
+        instants = time[index] - self._delay
+        after = np.clip(np.searchsorted(time[: index + 1], instants), 1, index)
         span = time[after] - time[after - 1]
         share = np.clip((instants - time[after - 1]) / span, 0.0, 1.0)
         return np.asarray(ideal[after - 1, columns] * (1 - share) + ideal[after, columns] * share)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from typing import Protocol
 
@@ -16,31 +16,39 @@ Array = NDArray[np.float64]
 
 
 class Stepper(Protocol):
-    """One run of a plant. Arrays named in the arguments are written to."""
+    """One run of a plant, as live memory that the loop reads and writes and a function that takes a step.
 
-    @property
-    def n_positions(self) -> int:
-        """Length of qpos; 0 for a plant without geometry."""
-        ...
+    state: the arrays that together, in their order, are the plant's raw state. control (p,): the input that the next step holds.
+    sensors: after advance() the sensor values at the step's start, of which output_columns (p,) are the outputs and
+    measurement_columns (m,) the measurements. advance: takes one step.
+    """
+
+    state: tuple[Array, ...]
+    control: Array
+    sensors: Array
+    output_columns: NDArray[np.intp]
+    measurement_columns: NDArray[np.intp]
+    advance: Callable[[], None]
 
     def enter(self, timestep: float, time: float, parameters: Mapping[str, float]) -> None:
         """Start an interval: length of its steps [s], its time [s], parameters that change now (empty: none)."""
         ...
 
-    def read(self, x: Array, qpos: Array) -> None:
-        """Write the state (n,), as deviation from the operating point, and qpos."""
+    def refresh(self) -> None:
+        """Bring `sensors` up to the present state."""
         ...
 
-    def sense(self, y_m: Array) -> None:
-        """Write what ideal sensors measure at the present state (m,)."""
+    def deviations(self, raw: Array) -> Array:
+        """States (k, n), as deviations from the operating point, of raw states (k, r)."""
         ...
 
-    def step(self, u: Array, y: Array, y_m: Array) -> None:
-        """Hold the input u (p,) for one step; write outputs (p,) and measurements (m,) at the step's start."""
+    @property
+    def raw_is_deviation(self) -> bool:
+        """Whether a raw state is already the deviation, so that nothing need be computed."""
         ...
 
-    def read_outputs(self, y: Array, y_m: Array) -> None:
-        """Write outputs and measurements at the present state."""
+    def positions(self, raw: Array) -> Array:
+        """qpos (k, nq) of raw states (k, r); without columns for a plant without geometry."""
         ...
 
     def stages(self, law: Law) -> AbstractContextManager[StageInput]:
@@ -55,7 +63,7 @@ class Stepper(Protocol):
 class StageInput(Protocol):
     """Steps with the input evaluated anew at each stage; instants 3 i, 3 i + 1, 3 i + 2 are step i's start, middle and end."""
 
-    def step(self, index: int, y: Array, y_m: Array) -> Array:
+    def step(self, index: int) -> Array:
         """Take step number `index`; returns the input (p,) at its middle."""
         ...
 

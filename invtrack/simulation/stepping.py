@@ -60,32 +60,32 @@ class Run:
     measures: Literal["state", "sensors"]
     sensors: SensorChain
 
-    def go(self, sizes: tuple[int, int, int], *, at_stages: bool, progress: Progress | None) -> Recorded:
-        """Take all steps, or as many as the integration lasts. sizes: numbers of states n, inputs p and measurements m."""
-        n, p, m = sizes
-        total, known = self.grid.n_steps, self.measures == "state"
-        record = Recorded(
-            x=np.empty((total + 1, n)),
-            qpos=np.empty((total + 1, self.stepper.n_positions)),
-            y=np.empty((total + 1, p)),
-            u=np.empty((total, p)),
-            measured=np.empty((total, 0 if known else m)),
-            estimate=np.empty((total, 0 if known else n)),
-            cause="",
-        )
-        ideal = np.empty((total + 1, m))
+    def go(self, *, at_stages: bool, progress: Progress | None) -> Recorded:
+        """Take all steps, or as many as the integration lasts."""
+        total, stepper = self.grid.n_steps, self.stepper
+        raw = np.empty((total + 1, sum(part.size for part in stepper.state)))
+        seen = np.empty((total + 1, stepper.sensors.size))
+        u = np.empty((total, stepper.control.size))
+        with_sensors = self.measures == "sensors"
+        measured = np.empty((total, stepper.measurement_columns.size if with_sensors else 0))
+        estimate = np.empty((total, stepper.deviations(raw[:1]).shape[1] if with_sensors else 0))
         # Until the check at a chunk's end sees it, a diverging run may compute with infinities.
         with mujoco_warnings() as texts, np.errstate(all="ignore"):
             if at_stages:
-                with self.stepper.stages(self.law) as stage_input:
-                    done = self._take_steps(lambda steps: self._at_stages(stage_input, steps, record, ideal), progress)
-            elif known:
-                done = self._take_steps(lambda steps: self._state_feedback(steps, record, ideal), progress)
+                with stepper.stages(self.law) as stage_input:
+                    done = self._take_steps(lambda steps: self._at_stages(stage_input, steps, raw, seen, u), progress)
+            elif with_sensors:
+                done = self._take_steps(lambda steps: self._sensor_feedback(steps, raw, seen, u, measured, estimate), progress)
             else:
-                done = self._take_steps(lambda steps: self._sensor_feedback(steps, record, ideal), progress)
-            self.stepper.read(record.x[done], record.qpos[done])
-            self.stepper.read_outputs(record.y[done], ideal[done])
-        return _kept(record, done, texts)
+                done = self._take_steps(lambda steps: self._state_feedback(steps, raw, seen, u), progress)
+            for target, part in self._parts(raw):
+                target[done] = part
+            stepper.refresh()
+            seen[done] = stepper.sensors
+            x = stepper.deviations(raw[: done + 1])
+        y = seen[: done + 1, stepper.output_columns]
+        recorded = Recorded(x, stepper.positions(raw[: done + 1]), y, u[:done], measured[:done], estimate[:done], "")
+        return _kept(recorded, texts)
 
     def _take_steps(self, take: Callable[[range], None], progress: Progress | None) -> int:
         """Interval by interval, in chunks; returns the number of steps taken."""
@@ -103,53 +103,64 @@ class Run:
                     progress(done / grid.n_steps)
         return done
 
-    def _state_feedback(self, steps: range, record: Recorded, ideal: Array) -> None:
-        read, step, update = self.stepper.read, self.stepper.step, self.law.update
-        x, qpos, y, commanded = record.x, record.qpos, record.y, record.u
-        numbers = self.update[steps.start : steps.stop].tolist()
+    def _parts(self, raw: Array) -> list[tuple[Array, Array]]:
+        """Columns of the raw record, each with the live array that is written there."""
+        ends = np.cumsum([0, *(part.size for part in self.stepper.state)])
+        return [(raw[:, a:b], part) for a, b, part in zip(ends[:-1], ends[1:], self.stepper.state, strict=True)]
+
+    def _state_feedback(self, steps: range, raw: Array, seen: Array, commanded: Array) -> None:
+        """The loop that sets the speed of a simulation: everything it needs is a local name."""
+        stepper, update, parts = self.stepper, self.law.update, self._parts(raw)
+        control, sensors, advance = stepper.control, stepper.sensors, stepper.advance
+        deviations = None if stepper.raw_is_deviation else stepper.deviations
         latest = int(self.update[steps.start - 1]) if steps.start else -1
         u = commanded[steps.start - 1]
-        for i, number in zip(steps, numbers, strict=True):
-            state = x[i]
-            read(state, qpos[i])
+        for i, number in zip(steps, self.update[steps.start : steps.stop].tolist(), strict=True):
+            for target, part in parts:
+                target[i] = part
             if number != latest:
-                u = update(number, state)
+                u = update(number, raw[i] if deviations is None else deviations(raw[i : i + 1])[0])
                 latest = number
             commanded[i] = u
-            step(u, y[i], ideal[i])
+            control[:] = u
+            advance()
+            seen[i] = sensors
 
-    def _sensor_feedback(self, steps: range, record: Recorded, ideal: Array) -> None:
+    def _sensor_feedback(self, steps: range, raw: Array, seen: Array, commanded: Array, measured: Array, estimate: Array) -> None:
+        stepper, parts, columns = self.stepper, self._parts(raw), self.stepper.measurement_columns
         latest = int(self.update[steps.start - 1]) if steps.start else -1
-        for i in steps:
-            self.stepper.read(record.x[i], record.qpos[i])
-            number = int(self.update[i])
+        for i, number in zip(steps, self.update[steps.start : steps.stop].tolist(), strict=True):
+            for target, part in parts:
+                target[i] = part
             if number != latest:
-                self.stepper.sense(ideal[i])
-                record.measured[i] = self.sensors.sample(i, self.grid.time, ideal)
-                record.u[i] = self.law.update(number, record.measured[i])
-                record.estimate[i] = self.law.estimate
+                stepper.refresh()
+                seen[i] = stepper.sensors
+                measured[i] = self.sensors.sample(i, self.grid.time, seen, columns)
+                commanded[i] = self.law.update(number, measured[i])
+                estimate[i] = self.law.estimate
                 latest = number
             else:
-                record.measured[i], record.u[i], record.estimate[i] = (
-                    record.measured[i - 1],
-                    record.u[i - 1],
-                    record.estimate[i - 1],
-                )
-            self.stepper.step(record.u[i], record.y[i], ideal[i])
+                commanded[i], measured[i], estimate[i] = commanded[i - 1], measured[i - 1], estimate[i - 1]
+            stepper.control[:] = commanded[i]
+            stepper.advance()
+            seen[i] = stepper.sensors
 
-    def _at_stages(self, stage_input: StageInput, steps: range, record: Recorded, ideal: Array) -> None:
+    def _at_stages(self, stage_input: StageInput, steps: range, raw: Array, seen: Array, commanded: Array) -> None:
+        parts, sensors = self._parts(raw), self.stepper.sensors
         for i in steps:
-            self.stepper.read(record.x[i], record.qpos[i])
-            record.u[i] = stage_input.step(i, record.y[i], ideal[i])
+            for target, part in parts:
+                target[i] = part
+            commanded[i] = stage_input.step(i)
+            seen[i] = sensors
 
 
-def _kept(record: Recorded, done: int, texts: Sequence[str]) -> Recorded:
+def _kept(record: Recorded, texts: Sequence[str]) -> Recorded:
     """What was recorded, up to the last state and input within what MuJoCo integrates; its other warnings are passed on."""
-    good = np.all(np.abs(record.x[: done + 1]) < LARGEST, axis=1)  # NaN compares false
-    good[1:] &= np.all(np.abs(record.u[:done]) < LARGEST, axis=1)  # MuJoCo replaces such an input by zero
+    good = np.all(np.abs(record.x) < LARGEST, axis=1)  # NaN compares false
+    good[1:] &= np.all(np.abs(record.u) < LARGEST, axis=1)  # MuJoCo replaces such an input by zero
     if good.all():
         for text in texts:
             warnings.warn(f"MuJoCo: {text}", RuntimeWarning, stacklevel=4)
-        return record.cut(done, "")
+        return record
     cause = f"MuJoCo reports: {texts[0]}" if texts else f"a state or input exceeds {LARGEST:.0e}"
     return record.cut(max(int(np.argmin(good)) - 1, 0), cause)

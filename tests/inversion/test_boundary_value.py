@@ -42,7 +42,7 @@ def dense(problem: Problem, sizes: list[int]) -> tuple[np.ndarray, np.ndarray]:
     return matrix, np.concatenate([first.rhs, *(j.rhs for j in junctions), last.rhs])
 
 
-def spread(rng: np.random.Generator, sizes: list[int], total: int) -> list[int] | None:
+def spread(rng: np.random.Generator, sizes: list[int], total: int) -> list[int]:
     """How many conditions each place gets: unknowns up to each junction are never fewer than conditions without it."""
     split = [int(rng.integers(0, size + 1)) for size in sizes]  # of each block: known from its left, the rest from its right
     rows = [split[0], *(size - s + t for size, s, t in zip(sizes[:-1], split[:-1], split[1:], strict=True)), sizes[-1] - split[-1]]

@@ -36,7 +36,7 @@ def projection(system: StateSpace, zero: float) -> np.ndarray:
     values = np.where(np.isfinite(values), values, 1e30)
     row = left[:n, np.argmin(np.abs(values - zero))].conj()
     row = (row / row[np.argmax(np.abs(row))]).real
-    return row / np.linalg.norm(row)
+    return np.asarray(row / np.linalg.norm(row))
 
 
 def test_start_is_the_one_the_paper_prints(plan: NominalTrajectory) -> None:
@@ -62,7 +62,7 @@ def test_dynamics_between_breakpoints_by_an_independent_integrator(plan: Nominal
     system = plan.model.systems[int(plan.model.interval(middle))]
 
     def slope(t: float, x: np.ndarray) -> np.ndarray:
-        return system.A @ x + system.B @ plan(t, inside=middle).u[0]
+        return np.asarray(system.A @ x + system.B @ plan(t, inside=middle).u[0])
 
     times = np.linspace(start, end, 7)
     x_start = plan(start, inside=middle).x[0]

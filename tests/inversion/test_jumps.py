@@ -38,6 +38,12 @@ def test_an_unstable_mode_fewer_before_than_after_has_no_bounded_inverse() -> No
         invert(SwitchedSystem([system(-1.0), system(1.0)], [1.0]), MOTION)
 
 
+def test_an_interval_that_no_unknown_can_steer_is_named() -> None:
+    """Zero -1, then +50 for 10 s, then -1: the past fixes eta at the first jump, and e^500 times the miss is not a solution."""
+    with pytest.raises(BoundednessError, match=r"the internal state that the past leaves at the jump at t = 1 s"):
+        invert(SwitchedSystem([system(-1.0), system(50.0), system(-1.0)], [1.0, 11.0]), MOTION)
+
+
 @pytest.mark.parametrize("jump", [1.0, 1.5])
 def test_unless_the_reference_happens_to_bring_it_to_the_right_place(jump: float) -> None:
     """eta' = -eta + y with y = f + f' gives eta = f: at rest when f is, and the jump finds nothing to keep bounded."""
@@ -97,7 +103,9 @@ def test_a_new_gain_of_the_sensor_must_show_in_the_reference() -> None:
     doubling = piecewise_polynomial([0.0, 1.0, 1.5, 2.5], [[0.0, 0.0, 3.0, -2.0], [1.0], [2.0, 0.0, -6.0, 4.0]])
     plan = invert(model, doubling)
     assert_certified(plan)
-    assert plan([1.5, 1.5], inside=[1.4, 1.6]).y[:, 0] == pytest.approx([1.0, 2.0])
+    sides = plan([1.5, 1.5], inside=[1.4, 1.6])
+    assert sides.y[:, 0] == pytest.approx([1.0, 2.0])
+    assert sides.y_d[:, 0] == pytest.approx([1.0, 2.0])
 
 
 def test_a_relative_degree_that_changes() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -64,3 +65,11 @@ def test_plants_that_jump(n: int, p: int, jumps: int, seed: int) -> None:
     except InvtrackError:
         return
     assert worst(plan.certificate) <= 1e-8
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_slow_zero_behind_high_derivatives(seed: int) -> None:
+    """A zero at -0.004 and derivatives up to the fourth: the inverse has large entries and small ones that count."""
+    plant = plant_with(np.random.default_rng(seed), (2, 4, 2), [[-0.004]])
+    certificate = invert(plant, rest_to_rest(np.zeros(3), [1.0, -1.0, 0.5], 2.0, smoothness=4)).certificate
+    assert worst(certificate) < 1e-11

@@ -58,14 +58,14 @@ def pencil_zeros(A: Array, B: Array, C: Array, D: Array, *, largest: float = 1e4
     mass = np.zeros_like(pencil)
     mass[:n, :n] = np.eye(n)
     values = scipy.linalg.eigvals(pencil, mass)
-    return values[np.isfinite(values) & (np.abs(values) < largest)]
+    return np.asarray(values[np.isfinite(values) & (np.abs(values) < largest)])
 
 
 def assert_same_set(found: ArrayLike, expected: ArrayLike, tolerance: float) -> None:
     """Both hold the same complex numbers, in any order, to within `tolerance`."""
     left = list(np.asarray(expected, dtype=complex))
     for value in np.asarray(found, dtype=complex):
-        assert left, f"{value} has no partner in {expected}"
+        assert left, f"{value} has no partner in {expected!r}"
         nearest = int(np.argmin(np.abs(np.array(left) - value)))
         assert abs(left[nearest] - value) <= tolerance, f"{value} against {left[nearest]}"
         left.pop(nearest)

@@ -70,3 +70,29 @@ def test_the_callers_vectors_are_left_alone() -> None:
     v = np.ones((3, 2))
     flow(np.array([[0.0, 1.0], [-1.0, 0.0]]), v, np.array([1.0, 2.0, 3.0]))
     assert np.array_equal(v, np.ones((3, 2)))
+
+
+def test_parts_that_do_not_act_on_each_other() -> None:
+    """A triangular matrix has no best scale: what couples its parts can be made as small as one likes."""
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        A, S = rng.normal(size=(3, 3)) - 3 * np.eye(3), np.diag(10.0 ** rng.uniform(-2, 2, 7), k=1)
+        M = np.block([[A, rng.normal(size=(3, 8))], [np.zeros((8, 3)), S]])
+        v, tau = rng.normal(size=(1, 11)), np.array([0.7])
+        expected = scipy.linalg.expm(M * 0.7) @ v[0]
+        assert flow(M, v, tau)[0] == pytest.approx(expected, rel=1e-10, abs=1e-12 * np.max(np.abs(expected)))
+
+
+def test_a_slow_mode_driven_by_a_polynomial() -> None:
+    """z' = -0.004 z + p' with p = (t/2)^7: all derivatives reach z, the last through eight entries."""
+    S = np.diag(np.arange(1.0, 8.0), k=1) / 2
+    M = np.zeros((9, 9))
+    M[0, 0], M[0, 2], M[1:, 1:] = -0.004, 0.5, S
+    v = np.eye(9)[8:]
+    tau = np.array([0.3, 1.0, 2.0, 5.0])
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    s = tau[:, None] / 2 * (nodes + 1)
+    z = np.sum(weights * tau[:, None] / 2 * np.exp(-0.004 * (tau[:, None] - s)) * 7 / 2 * (s / 2) ** 6, axis=1)
+    found = flow(M, np.repeat(v, 4, axis=0), tau)
+    assert found[:, 1] == pytest.approx((tau / 2) ** 7, rel=1e-12)
+    assert found[:, 0] == pytest.approx(z, rel=1e-12)

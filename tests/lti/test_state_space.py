@@ -13,6 +13,7 @@ import scipy.signal
 from invtrack.errors import ModelError
 from invtrack.lti.state_space import OperatingPoint, StateSpace, as_state_space
 
+RAGGED: Any = [[1.0, 2.0], [3.0]]
 A, B, C = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
 
 
@@ -33,9 +34,9 @@ def point(u0: Any, y0: Any) -> OperatingPoint:
         (lambda: StateSpace(A, B, np.eye(2)), r"C has shape \(2, 2\), expected \(1, 2\).*as\s+many outputs as inputs"),
         (lambda: StateSpace(A, B, C, np.zeros((1, 2))), r"D has shape \(1, 2\), expected \(1, 1\)"),
         (lambda: StateSpace(A, [0.0, 1.0], C), "B must be a matrix, got an array with 1 dimension"),
-        (lambda: StateSpace([[0, np.nan], [0, 0]], B, C), "A has entries that are not finite"),
+        (lambda: StateSpace([[0.0, np.nan], [0.0, 0.0]], B, C), "A has entries that are not finite"),
         (lambda: StateSpace(A, B, [[np.inf, 0]]), "C has entries that are not finite"),
-        (lambda: StateSpace([[1, 2], [3]], B, C), "A must be a matrix of real numbers"),
+        (lambda: StateSpace(RAGGED, B, C), "A must be a matrix of real numbers"),
         (lambda: StateSpace(A, [["a"], ["b"]], C), "B must be a matrix of real numbers"),
         (lambda: StateSpace(A * 1j, B, C), "A must be a matrix of real numbers"),
         (lambda: StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[1.0]]), "at least one state"),

@@ -133,9 +133,10 @@ def test_delay_interpolates_between_steps() -> None:
     time = np.array([0.0, 0.1, 0.2, 0.3])
     ideal = np.column_stack([time**1, 10 * time])
     chain = SensorChain(["a", "b"], {"a": invtrack.Sensor(delay=0.15)}, seed=0)
-    np.testing.assert_allclose(chain.sample(3, time, ideal), [0.15, 3.0])
-    np.testing.assert_allclose(chain.sample(1, time, ideal), [0.0, 1.0])
-    np.testing.assert_allclose(chain.sample(0, time, ideal), [0.0, 0.0])
+    columns = np.array([0, 1])
+    np.testing.assert_allclose(chain.sample(3, time, ideal, columns), [0.15, 3.0])
+    np.testing.assert_allclose(chain.sample(1, time, ideal, columns), [0.0, 1.0])
+    np.testing.assert_allclose(chain.sample(0, time, ideal, columns), [0.0, 0.0])
 
 
 def test_limits_of_a_linear_plant(rig: Rig) -> None:

@@ -1,0 +1,243 @@
+"""Ratios that tell what invtrack costs: each compares two things in one run, in turns, so that they hold on any machine.
+
+python benchmarks/benchmark.py            # all of them, about two minutes
+python benchmarks/benchmark.py --quick    # a tenth of the sizes
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+import mujoco
+import numpy as np
+import scipy.signal
+import tyro
+
+import invtrack
+from invtrack.runs.table import Cell, Column, print_table
+
+TWO_DISC = (
+    [[0, 1, 0, 0], [-3.1555, -0.1640, 3.1555, 0.3845], [0, 0, 0, 1], [2.8956, -0.0899, -2.8956, -0.1124]],
+    [[0], [1.8139], [0], [0.27]],
+    [[0, 0, 1, 0]],
+)
+"""The two-disc torsional rig (Devasia 1996, AIAA note) in the state order (th1, th1', th2, th2')."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Seconds of both, and the median over the turns of the first one's share of the second."""
+
+    first: float
+    second: float
+    ratio: float
+
+
+def in_turns(first: Callable[[], object], second: Callable[[], object], turns: int) -> Timing:
+    """Run both in turns, after one that does not count, and compare turn by turn."""
+    pairs = []
+    for _ in range(turns + 1):
+        seconds = []
+        for work in (first, second):
+            begin = time.perf_counter()
+            work()
+            seconds.append(time.perf_counter() - begin)
+        pairs.append(seconds)
+    counted = pairs[1:]
+    return Timing(
+        first=median(pair[0] for pair in counted),
+        second=median(pair[1] for pair in counted),
+        ratio=median(pair[0] / pair[1] for pair in counted),
+    )
+
+
+def main(quick: bool = False, turns: int = 5) -> None:
+    """Print the tables.
+
+    Args:
+        quick: a tenth of the sizes.
+        turns: how often the two sides of a comparison are timed.
+    """
+    share = 0.1 if quick else 1.0
+    with tempfile.TemporaryDirectory() as folder:
+        closed_loop(Path(folder), int(100_000 * share), turns)
+        recording(Path(folder), int(100_000 * share), turns)
+    inversion_over_samples([int(n * share) for n in (10_000, 100_000, 1_000_000)], turns)
+    inversion_over_spline(share, turns)
+    inversion_over_jumps([1, 10, 100, 1000] if not quick else [1, 10, 100], turns)
+    linearization(turns)
+
+
+def closed_loop(folder: Path, steps: int, turns: int) -> None:
+    """Steps per second of the closed loop, state feedback on a plan, against a Python loop that only calls mj_step."""
+    rows: dict[str, dict[str, Cell]] = {}
+    for plant in (cantilever(), chain(folder, 21)):
+        controller, _ = tracking(plant)
+        start = controller.nominal.support[0] - 1.0
+
+        def run(plant: invtrack.Plant = plant, controller: invtrack.TrackingController = controller, start: float = start) -> None:
+            invtrack.simulate(plant, controller, timestep=1e-3, start=start, stop=start + 1e-3 * steps)
+
+        def bare(plant: invtrack.Plant = plant) -> None:
+            model = plant.model_with()
+            model.opt.timestep = 1e-3
+            data = plant.new_data(model)
+            for _ in range(steps):
+                mujoco.mj_step(model, data)
+
+        timing = in_turns(bare, run, turns)
+        rows[f"{plant.name}, {plant.model.nv} degrees of freedom"] = {
+            "bare_loop": steps / timing.first,
+            "simulate": steps / timing.second,
+            "ratio": timing.ratio,
+        }
+    columns = [Column("bare loop", "steps/s"), Column("simulate", "steps/s"), Column("ratio")]
+    print_table(f"Closed loop against a bare mj_step loop, {steps} steps", columns=columns, rows=rows, row_header="model")
+
+
+def recording(folder: Path, steps: int, turns: int) -> None:
+    """Time to write a recording with every sample, against the time of the run itself."""
+    plant = cantilever()
+    controller, _ = tracking(plant)
+    start = controller.nominal.support[0] - 1.0
+
+    def run() -> invtrack.RunResult:
+        return invtrack.simulate(plant, controller, timestep=1e-3, start=start, stop=start + 1e-3 * steps)
+
+    result = run()
+    timing = in_turns(lambda: invtrack.save_recording(result, folder / "run.rrd"), run, turns)
+    rows: dict[str, dict[str, Cell]] = {f"{steps} steps": {"write": timing.first, "run": timing.second, "ratio": timing.ratio}}
+    print_table(
+        "Writing a recording against the run", columns=[Column("write", "s"), Column("run", "s"), Column("ratio")], rows=rows
+    )
+
+
+def inversion_over_samples(sizes: Sequence[int], turns: int) -> None:
+    """Plan and evaluate the inverse of the two-disc rig at N times, against one scipy.signal.lsim of its output."""
+    A, B, C = (np.array(matrix, dtype=float) for matrix in TWO_DISC)
+    model = invtrack.StateSpace(A, B, C)
+    reference = invtrack.rest_to_rest(0.0, 1.0, 10.0, smoothness=3)
+    rows: dict[str, dict[str, Cell]] = {}
+    for size in sizes:
+        nominal = invtrack.invert(model, reference)
+        times = np.linspace(nominal.start, nominal.end, size)
+        u = nominal(times).u[:, 0]
+
+        def inverse(times: np.ndarray = times) -> None:
+            invtrack.invert(model, reference)(times)
+
+        def simulation(u: np.ndarray = u, times: np.ndarray = times) -> None:
+            scipy.signal.lsim((A, B, C, np.zeros((1, 1))), u, times - times[0])
+
+        timing = in_turns(inverse, simulation, turns if size < 500_000 else min(turns, 3))
+        rows[str(size)] = {
+            "inverse": timing.first,
+            "lsim": timing.second,
+            "ratio": timing.ratio,
+            "per_sample": 1e9 * timing.first / size,
+        }
+    columns = [Column("inverse", "s"), Column("lsim", "s"), Column("ratio"), Column("per sample", "ns")]
+    print_table("Inverse of the two-disc rig against scipy.signal.lsim", columns=columns, rows=rows, row_header="samples")
+
+
+def inversion_over_spline(share: float, turns: int) -> None:
+    """Plan and evaluate the inverse for a reference that is itself a spline through N samples, against the tenth of them."""
+    model = invtrack.StateSpace(*(np.array(matrix, dtype=float) for matrix in TWO_DISC))
+    exact = invtrack.rest_to_rest(0.0, 1.0, 10.0, smoothness=3)
+
+    def plan(size: int) -> None:
+        times = np.linspace(0.0, 10.0, size)
+        nominal = invtrack.invert(model, invtrack.sampled_reference(times, exact(times)))
+        nominal(np.linspace(nominal.start, nominal.end, size))
+
+    rows: dict[str, dict[str, Cell]] = {}
+    for size in (int(100_000 * share), int(1_000_000 * share)):
+        timing = in_turns(lambda size=size: plan(size), lambda size=size: plan(size // 10), min(turns, 3))  # type: ignore[misc]
+        rows[str(size)] = {"time": timing.first, "ratio": timing.ratio, "per_sample": 1e6 * timing.first / size}
+    columns = [Column("time", "s"), Column("ratio to a tenth of the samples", key="ratio"), Column("per sample", "us")]
+    print_table("Spline through samples: build, plan, evaluate", columns=columns, rows=rows, row_header="samples")
+
+
+def inversion_over_jumps(numbers: Sequence[int], turns: int) -> None:
+    """Plan through N jumps of the tip mass, against one jump."""
+    plant = cantilever()
+    models = [invtrack.linearize(plant, tip_mass=mass) for mass in (0.0, 100.0, 10.0)]
+    duration = 2 * np.pi
+
+    def plan(jumps: int) -> None:
+        model = invtrack.SwitchedSystem([models[k % 3] for k in range(jumps + 1)], duration * np.arange(1, jumps + 1) / (jumps + 1))
+        invtrack.invert(model, invtrack.versine())
+
+    rows: dict[str, dict[str, Cell]] = {}
+    for jumps in numbers:
+        timing = in_turns(lambda jumps=jumps: plan(jumps), lambda: plan(1), turns)  # type: ignore[misc]
+        rows[str(jumps)] = {"time": timing.first, "ratio": timing.ratio, "per_jump": 1e3 * timing.first / jumps}
+    columns = [Column("time", "s"), Column("ratio to one jump", key="ratio"), Column("per jump", "ms")]
+    print_table("Planning through parameter jumps on the cantilever", columns=columns, rows=rows, row_header="jumps")
+
+
+def linearization(turns: int) -> None:
+    """linearize, with error estimates and checks, against mjd_transitionFD, which gives the discrete map of an Euler step."""
+    plant = cantilever()
+    model = plant.model_with()
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    data = plant.new_data(model)
+    n, p = plant.n_states, len(plant.inputs)
+    A, B = np.zeros((n, n)), np.zeros((n, p))
+    repeat = 20
+
+    def ours() -> None:
+        for _ in range(repeat):
+            invtrack.linearize(plant)
+
+    def theirs() -> None:
+        for _ in range(repeat):
+            mujoco.mjd_transitionFD(model, data, 1e-6, True, A, B, None, None)
+
+    timing = in_turns(ours, theirs, turns)
+    rows: dict[str, dict[str, Cell]] = {
+        "cantilever": {"ours": 1e3 * timing.first / repeat, "theirs": 1e3 * timing.second / repeat, "ratio": timing.ratio}
+    }
+    columns = [Column("linearize", "ms", "ours"), Column("mjd_transitionFD", "ms", "theirs"), Column("ratio")]
+    print_table("Linearization", columns=columns, rows=rows, row_header="model")
+
+
+def cantilever() -> invtrack.Plant:
+    return invtrack.Plant.from_xml(
+        invtrack.model_path("cantilever"),
+        inputs=["base_force"],
+        outputs=["tip_position"],
+        parameters={"tip_mass": invtrack.BodyMass("tip")},
+    )
+
+
+def chain(folder: Path, links: int) -> invtrack.Plant:
+    """A chain of carts coupled by springs, pushed at the first and followed at the second."""
+    bodies, tendons = "", ""
+    for k in range(links):
+        bodies += (
+            f'<body pos="0 {k} 0"><joint name="x{k}" type="slide" axis="1 0 0" damping="0.1"/><geom size="0.2" mass="1"/></body>'
+        )
+        if k:
+            tendons += f'<fixed stiffness="50" damping="0.1" springlength="0"><joint joint="x{k}" coef="1"/><joint joint="x{k - 1}" coef="-1"/></fixed>'
+    path = folder / "chain.xml"
+    path.write_text(
+        f'<mujoco model="chain"><option gravity="0 0 0" integrator="RK4"><flag contact="disable"/></option>'
+        f'<worldbody>{bodies}</worldbody><tendon>{tendons}</tendon><actuator><motor name="push" joint="x0"/></actuator></mujoco>'
+    )
+    return invtrack.Plant.from_xml(path, inputs=["push"], outputs=["joint:x1"])
+
+
+def tracking(plant: invtrack.Plant) -> tuple[invtrack.TrackingController, invtrack.StateSpace]:
+    model = invtrack.linearize(plant)
+    nominal = invtrack.invert(model, invtrack.rest_to_rest(0.0, 1.0, 5.0, smoothness=4), tolerance=1e-6)
+    return invtrack.TrackingController(nominal, invtrack.lqr(model, Q=1.0, R=1.0)), model
+
+
+if __name__ == "__main__":
+    tyro.cli(main)
