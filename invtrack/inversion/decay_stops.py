@@ -19,11 +19,9 @@ def decay_stops(reference: PiecewiseSignal) -> Array:
     The antistable internal dynamics are integrated backward over each piece together with the reference's generator w' = S w, whose
     stable modes grow in that direction: from a w that has all but decayed nothing of them could be recovered.
     """
-    rates = [max(0.0, -float(np.min(np.linalg.eigvals(g.S).real, initial=0.0))) for g in reference.generators]
+    rates = np.array([max(0.0, -float(np.min(np.linalg.eigvals(g.S).real, initial=0.0))) for g in reference.generators])
     edges = reference.breakpoints
-    stops = [
-        np.linspace(start, end, int(np.ceil(rates[kind] * (end - start) / LARGEST_DECAY)) + 1)[1:-1]
-        for start, end, kind in zip(edges[:-1], edges[1:], reference.kind[1:-1], strict=True)
-        if rates[kind] * (end - start) > LARGEST_DECAY
-    ]
+    decay = rates[reference.kind[1:-1]] * np.diff(edges)
+    long = np.flatnonzero(decay > LARGEST_DECAY)
+    stops = [np.linspace(edges[j], edges[j + 1], int(np.ceil(decay[j] / LARGEST_DECAY)) + 1)[1:-1] for j in long]
     return np.concatenate([np.zeros(0), *stops])

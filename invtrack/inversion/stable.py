@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import BoundednessError, CompatibilityError, InversionError, TrajectoryError
-from invtrack.inversion.assembly import SAME_ROW_TOLERANCE, Assembly, assemble
+from invtrack.inversion.assembly import Assembly, assemble
 from invtrack.inversion.boundary_value import BoundaryValueSolution, solve
 from invtrack.inversion.decay import decay_time
 from invtrack.inversion.decay_stops import decay_stops
+from invtrack.inversion.junctions import SAME_ROW_TOLERANCE
 from invtrack.lti.switched import SwitchedSystem, as_switched
 from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
 from invtrack.signals.certificate import certify
@@ -91,7 +92,8 @@ def _require_smooth(plant: SwitchedSystem, splits: list[SplitDynamics], referenc
     """Within an interval of relative degree r, y_d ... y_d^(r-1) must be continuous; at a jump the conditions there decide."""
     after = plant.interval(reference.breakpoints)
     before = np.searchsorted(plant.switch_times, reference.breakpoints, side="left")
-    needed = np.array([_shared_orders(splits[i], splits[j]) for i, j in zip(before, after, strict=True)])  # (breakpoints, p)
+    sides, which = np.unique(np.column_stack([before, after]), axis=0, return_inverse=True)
+    needed = np.array([_shared_orders(splits[i], splits[j]) for i, j in sides])[which.reshape(-1)]  # (breakpoints, p)
     for order in range(int(needed.max(initial=0))):
         discontinuous = (reference.jumps(order) > 1e-9) & (order < needed)
         if np.any(discontinuous):

@@ -19,7 +19,7 @@ TAYLOR_TERMS = 9
 """Terms of the series: over half a node distance the first one left out is below 1e-18 of the first."""
 
 DIRECT_DIGITS = 4
-"""exp(M h 2^b) is worked out anew for this many b; from a norm of 1/2 on, squaring loses less than the Pade approximants of expm."""
+"""exp(M h 2^b) is worked out anew for this many b; from a norm of 1/2 on, squaring loses less than expm's Pade approximants."""
 
 CHUNK = 8192
 """Times that are worked on together, so that their arrays stay in the processor's cache."""
@@ -40,6 +40,11 @@ class Propagator:
         norm = float(np.linalg.norm(self._M, 1)) if M.size else 0.0
         self._step = NODE_ANGLE / norm if norm > 0 else math.inf
         self._digits = [scipy.linalg.expm(self._M * self._step * 2**bit) for bit in range(DIRECT_DIGITS)] if norm > 0 else []
+
+    @property
+    def size(self) -> int:
+        """Number of states q."""
+        return len(self._M)
 
     def states(self, v: Array, tau: Array) -> Array:
         """exp(M tau_i) v_i for states v (m, q) and times tau (m,) [s]: (m, q)."""

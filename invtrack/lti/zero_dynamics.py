@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from invtrack.errors import NonHyperbolicError
 from invtrack.lti.normal_form import NormalForm, normal_form
+from invtrack.lti.propagation import Propagator
 from invtrack.lti.state_space import StateSpace
 
 Array = NDArray[np.float64]
@@ -56,6 +58,23 @@ class SplitDynamics:
     W_u: Array
     L_s: Array
     L_u: Array
+
+    @cached_property
+    def propagators(self) -> tuple[Propagator, Propagator]:
+        """exp(A_s tau) and exp(-A_u tau), each in the direction in which it decays."""
+        return Propagator(self.A_s), Propagator(-self.A_u)
+
+    def in_units_of(self, unit: float) -> SplitDynamics:
+        """The same dynamics with z_s and z_u measured in another unit: W_s z_s + W_u z_u stays what it is."""
+        return replace(
+            self,
+            G_s=self.G_s / unit,
+            G_u=self.G_u / unit,
+            W_s=self.W_s * unit,
+            W_u=self.W_u * unit,
+            L_s=self.L_s / unit,
+            L_u=self.L_u / unit,
+        )
 
 
 def zeros(system: StateSpace) -> ComplexArray:

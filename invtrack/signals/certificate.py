@@ -30,7 +30,7 @@ def certify(
     """
     if span[1] <= span[0]:  # at rest throughout: nothing happens in no time, so look on both sides of it
         span = (span[0] - 1.0, span[1] + 1.0)
-    starts, ends, piece = _panels(trajectory, span)
+    starts, ends, piece = _panels(trajectory, model.switch_times, span)
     nodes, weights = np.polynomial.legendre.leggauss(10)
     n, p = model.systems[0].n_states, model.systems[0].n_channels
     times = (starts[:, None] + ends[:, None]) / 2 + (ends - starts)[:, None] / 2 * nodes
@@ -63,23 +63,27 @@ def certify(
     )
 
 
-def _panels(trajectory: TwoSidedTrajectory, span: tuple[float, float]) -> tuple[Array, Array, NDArray[np.intp]]:
-    """Starts, ends and pieces of the panels."""
+def _panels(
+    trajectory: TwoSidedTrajectory, switch_times: Array, span: tuple[float, float]
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Starts, ends and pieces of the panels, none of which crosses a breakpoint or a switch time."""
     inner = trajectory.breakpoints
-    edges = np.concatenate([[min(span[0], inner[0])], inner, [max(span[1], inner[-1])]])
+    first, last = min(span[0], inner[0]), max(span[1], inner[-1])
+    edges = np.concatenate([[first], np.union1d(inner, switch_times[(switch_times > first) & (switch_times < last)]), [last]])
+    piece = trajectory.locate((edges[:-1] + edges[1:]) / 2)
     fastest = [max(np.linalg.norm(M, 2) for M in (g.M_f, g.M_b) if M.size) for g in trajectory.generators]
-    stride = max(1, len(trajectory.kind) // (TOTAL_PANELS // 10))
+    stride = max(1, len(piece) // (TOTAL_PANELS // 10))
     starts, ends, owners = [], [], []
     for j in range(0, len(edges) - 1, stride):
         length = edges[j + 1] - edges[j]
         if length <= 0:
             continue
-        panel = min(length, PANEL_ANGLE / max(float(fastest[trajectory.kind[j]]), np.finfo(float).tiny))
+        panel = min(length, PANEL_ANGLE / max(float(fastest[trajectory.kind[piece[j]]]), np.finfo(float).tiny))
         count = int(min(np.ceil(length / panel), PANELS_PER_PIECE))
         first = edges[j] + (length - panel) * np.linspace(0.0, 1.0, count)
         starts.append(first)
         ends.append(np.minimum(first + panel, edges[j + 1]))
-        owners.append(np.full(count, j))
+        owners.append(np.full(count, piece[j]))
     return np.concatenate(starts), np.concatenate(ends), np.concatenate(owners)
 
 

@@ -119,13 +119,21 @@ class PiecewiseSignal:
 
     def size(self, order: int) -> Array:
         """Largest value of a derivative over points within the pieces (p,), or what rounding of the lower ones leaves."""
-        times = self._inner_times()
-        spread = np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]]) / 3
-        size = np.zeros(self.n_channels)
-        for k in range(order + 1):
-            values = np.concatenate([self(times + share * spread, derivative=k, inside=times) for share in (-1.0, 0.0, 1.0)])
-            size = np.maximum(np.max(np.abs(values), axis=0), 1e-3 * size / max(self.support[1] - self.support[0], 1e-300))
-        return size
+        known = self._sizes
+        while len(known) <= order:
+            times, spread = self._inner_times(), np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]]) / 3
+            size = np.zeros(self.n_channels)
+            for share in (-1.0, 0.0, 1.0):
+                values = self(times + share * spread, derivative=len(known), inside=times)
+                size = np.maximum(size, np.max(np.abs(values), axis=0))
+            lower = known[-1] if known else np.zeros(self.n_channels)
+            known.append(np.maximum(size, 1e-3 * lower / max(self.support[1] - self.support[0], np.finfo(float).tiny)))
+        return known[order]
+
+    @cached_property
+    def _sizes(self) -> list[Array]:
+        """Sizes of the derivatives found so far, from order 0 on."""
+        return []
 
     def smoothness(self, channel: int, highest: int) -> int:
         """How many derivatives of a channel, the value itself counted as one, are continuous; at most `highest` are tried."""
@@ -188,15 +196,13 @@ def _side_by_side(first: PiecewiseSignal, second: PiecewiseSignal, join_rows: Ca
     """Both signals' generators run in parallel; `join_rows(R_1, R_2)` makes the rows of their values."""
     breakpoints = np.union1d(first.breakpoints, second.breakpoints)
     first, second = first.refined(breakpoints), second.refined(breakpoints)
-    pairs = list(zip(first.kind.tolist(), second.kind.tolist(), strict=True))
-    distinct = sorted(set(pairs))
-    generators, anchors = [], np.zeros((len(pairs), first.anchors.shape[1] + second.anchors.shape[1]))
-    for i, j in distinct:
+    distinct, kind = np.unique(np.column_stack([first.kind, second.kind]), axis=0, return_inverse=True)
+    generators, anchors = [], np.zeros((len(kind), first.anchors.shape[1] + second.anchors.shape[1]))
+    for i, j in distinct.tolist():
         a, b = first.generators[i], second.generators[j]
         generators.append(Generator(scipy.linalg.block_diag(a.S, b.S), join_rows(a.R, b.R)))
-        chosen = np.array([pair == (i, j) for pair in pairs])
+        chosen = (first.kind == i) & (second.kind == j)
         q_a, q_b = len(a.S), len(b.S)
         anchors[chosen, :q_a] = first.anchors[chosen, :q_a]
         anchors[chosen, q_a : q_a + q_b] = second.anchors[chosen, :q_b]
-    kind = np.array([distinct.index(pair) for pair in pairs], dtype=np.intp)
-    return PiecewiseSignal(breakpoints, tuple(generators), kind, anchors)
+    return PiecewiseSignal(breakpoints, tuple(generators), kind.reshape(-1), anchors)
