@@ -32,9 +32,13 @@ from invtrack.physics.plant import Plant
 from invtrack.recording.read import load_recording
 from invtrack.recording.write import save_recording
 from invtrack.runs.result import Event, RunResult, Signal
+from invtrack.signals.export import export_plan
 from invtrack.signals.nominal import Certificate, NominalTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal, stack
+from invtrack.signals.plan_file import Plan, read_plan
 from invtrack.signals.profiles import autonomous, constant, piecewise_polynomial, rest_to_rest, versine
+from invtrack.signals.reference_report import reference_report
+from invtrack.signals.sampled import load_reference, sampled_reference
 from invtrack.simulation.closed_loop import simulate
 from invtrack.simulation.linear_plant import LinearPlant
 from invtrack.simulation.schedule import Change
@@ -57,6 +61,7 @@ __all__ = [
     "OperatingPoint",
     "OutputFeedbackController",
     "PiecewiseSignal",
+    "Plan",
     "Plant",
     "RunResult",
     "Sensor",
@@ -68,9 +73,11 @@ __all__ = [
     "TrackingController",
     "autonomous",
     "constant",
+    "export_plan",
     "invert",
     "linearize",
     "load_recording",
+    "load_reference",
     "lqr",
     "max_error",
     "metrics",
@@ -80,10 +87,13 @@ __all__ = [
     "piecewise_polynomial",
     "place",
     "preactuation_time",
+    "read_plan",
+    "reference_report",
     "relative_degree",
     "residual_vibration",
     "rest_to_rest",
     "rms_error",
+    "sampled_reference",
     "save_recording",
     "simulate",
     "stack",

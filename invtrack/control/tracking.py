@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -67,21 +68,29 @@ class TrackingController:
         for k, gain in enumerate(self._gains.gains):
             chosen = interval == k
             offset[chosen] += x_ref[chosen] @ gain.T
-        return TrackingLaw(offset, [self._gains.gains[k] for k in interval])
+        return TrackingLaw(offset, self._gains.gains, interval)
 
 
 class TrackingLaw:
-    """u = offset_i - K_i x with everything that does not depend on the measurement worked out before the run."""
+    """u = offset_i - K_i x with everything that does not depend on the measurement worked out before the run.
+
+    One product [-K I] [x; offset] gives u: this is called in every physics step, and each operation on a small array costs as much
+    as the next.
+    """
 
     estimate = None
 
-    def __init__(self, offset: Array, gains: list[Array]) -> None:
-        self._offset = offset
-        self._gains = gains
+    def __init__(self, offset: Array, gains: Sequence[Array], interval: NDArray[np.intp]) -> None:
+        p, self._n = gains[0].shape
+        self._rows = np.hstack([np.empty((len(offset), self._n)), offset])
+        self._products = [np.hstack([-gain, np.eye(p)]).dot for gain in gains]
+        self._which = interval.tolist()
 
     def update(self, index: int, measurement: NDArray[np.float64]) -> Array:
         """Input (p,) at instant number `index`."""
-        result: Array = self._offset[index] - self._gains[index].dot(measurement)
+        row = self._rows[index]
+        row[: self._n] = measurement
+        result: Array = self._products[self._which[index]](row)
         return result
 
 

@@ -154,12 +154,13 @@ def _inverse_of_each(
     model = np.array([numbers[id(system)] for system in plant.systems])[owner]
     endless = np.zeros(len(owner), dtype=np.intp)
     endless[[0, -1]] = 1
-    keys, kind = np.unique(np.column_stack([model, reference.kind, endless]), axis=0, return_inverse=True)
+    shape = (len(plant), len(reference.generators), 2)
+    keys, kind = np.unique(np.ravel_multi_index((model, reference.kind, endless), shape), return_inverse=True)
     inverses = [
         inverse_piece(plant.systems[k], splits[k], reference.generators[g], endless=bool(is_endless))
-        for k, g, is_endless in keys.tolist()
+        for k, g, is_endless in zip(*np.unravel_index(keys, shape), strict=True)
     ]
-    return inverses, kind.reshape(-1)
+    return inverses, kind
 
 
 def _internal_unit(splits: Sequence[SplitDynamics], inverses: Sequence[InversePiece]) -> float:

@@ -92,8 +92,10 @@ def _require_smooth(plant: SwitchedSystem, splits: list[SplitDynamics], referenc
     """Within an interval of relative degree r, y_d ... y_d^(r-1) must be continuous; at a jump the conditions there decide."""
     after = plant.interval(reference.breakpoints)
     before = np.searchsorted(plant.switch_times, reference.breakpoints, side="left")
-    sides, which = np.unique(np.column_stack([before, after]), axis=0, return_inverse=True)
-    needed = np.array([_shared_orders(splits[i], splits[j]) for i, j in sides])[which.reshape(-1)]  # (breakpoints, p)
+    shape = (len(plant), len(plant))
+    sides, which = np.unique(np.ravel_multi_index((before, after), shape), return_inverse=True)
+    pairs = zip(*np.unravel_index(sides, shape), strict=True)
+    needed = np.array([_shared_orders(splits[i], splits[j]) for i, j in pairs])[which]  # (breakpoints, p)
     for order in range(int(needed.max(initial=0))):
         discontinuous = (reference.jumps(order) > 1e-9) & (order < needed)
         if np.any(discontinuous):

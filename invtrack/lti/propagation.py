@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -20,6 +21,9 @@ TAYLOR_TERMS = 9
 
 DIRECT_DIGITS = 4
 """exp(M h 2^b) is worked out anew for this many b; from a norm of 1/2 on, squaring loses less than expm's Pade approximants."""
+
+LONG_STRETCH = 64
+"""Fewer times than this in a stretch are not worth a look at their spacing."""
 
 CHUNK = 8192
 """Times that are worked on together, so that their arrays stay in the processor's cache."""
@@ -50,21 +54,58 @@ class Propagator:
         """exp(M tau_i) v_i for states v (m, q) and times tau (m,) [s]: (m, q)."""
         return self.outputs(np.eye(len(self._M)), v, np.arange(len(tau)), tau)
 
-    def outputs(self, X: Array, v: Array, owner: NDArray[np.intp], tau: Array) -> Array:
+    def outputs(self, X: Array, v: Array, owner: NDArray[np.intp], tau: Array, *, resolution: float = 0.0) -> Array:
         """X exp(M tau_i) v[owner_i] for X (k, q), states v (g, q), owner (m,) and tau (m,) [s]: (m, k).
 
-        Times that stand in order, or in ordered stretches, share most of the work.
+        Times that stand in order, or in ordered stretches, share most of the work; long stretches of evenly spaced ones nearly all
+        of it. resolution [s]: how far the times may be off as they are (the rounding of the absolute times behind tau); within it
+        they count as evenly spaced.
         """
         result = np.empty((len(tau), len(X)))
         if math.isinf(self._step):
             np.matmul(v[owner], X.T, out=result)
             return result
-        series = self._series(X * self._scale)
-        start = v / self._scale
+        X, v = X * self._scale, v / self._scale
+        series = self._series(X)
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1, [len(tau)]]) if len(tau) else np.zeros(1, dtype=int)
+        if len(tau) < LONG_STRETCH * (len(edges) - 1):
+            self._scattered(series, v, owner, tau, result)
+            return result
+        for first, last in itertools.pairwise(edges.tolist()):
+            part = slice(first, last)
+            spacing = _even_spacing(tau[part], resolution) if last - first >= LONG_STRETCH else None
+            if spacing is None:
+                self._scattered(series, v, owner[part], tau[part], result[part])
+            elif spacing > 0:
+                self._even(X, series, v[owner[first]], tau[first], spacing, result[part])
+            else:
+                self._even(X, series, v[owner[first]], tau[last - 1], -spacing, result[part][::-1])
+        return result
+
+    def _even(self, X: Array, series: Array, v: Array, start: float, spacing: float, result: Array) -> None:
+        """result[j] = X exp(M (start + j spacing)) v: the states at every B-th time, times X exp(M i spacing) for i < B."""
+        width = min(math.isqrt(len(result)) + 1, max(1, CHUNK // len(X)))
+        within = X[np.newaxis]
+        while len(within) < width:
+            # Each power of two is worked out from the nodes, so that errors do not add up over the many factors of small steps.
+            ahead = self._advanced(np.eye(len(v)), np.full(len(v), len(within) * spacing, dtype=float))
+            within = np.concatenate([within, within @ ahead.T])
+        within = within[:width]
+        blocks = -(-len(result) // width)
+        starts = self._advanced(np.tile(v, (blocks, 1)), np.asarray(start + spacing * width * np.arange(blocks), dtype=float))
+        values = starts @ within.reshape(-1, len(v)).T
+        result[:] = values.reshape(blocks * width, -1)[: len(result)]
+
+    def _advanced(self, v: Array, tau: Array) -> Array:
+        """exp(M tau_i) v_i in scaled coordinates."""
+        result = np.empty_like(v)
+        self._scattered(self._series(np.eye(len(self._M))), v, np.arange(len(v)), tau, result)
+        return result
+
+    def _scattered(self, series: Array, v: Array, owner: NDArray[np.intp], tau: Array, result: Array) -> None:
         for first in range(0, len(tau), CHUNK):
             part = slice(first, first + CHUNK)
-            self._chunk(series, start, owner[part], tau[part], result[part])
-        return result
+            self._chunk(series, v, owner[part], tau[part], result[part])
 
     def _series(self, X: Array) -> Array:
         """X M^j h^j / j!, highest order first, side by side: (q, terms k). In units of h the remainder is within 1/2."""
@@ -95,6 +136,15 @@ class Propagator:
             chosen = (count >> bit) & 1 == 1
             v[chosen] = v[chosen] @ self._digits[bit].T
         return v
+
+
+def _even_spacing(tau: Array, resolution: float) -> float | None:
+    """The spacing of times that are even to within the resolution, or None."""
+    spacing = float((tau[-1] - tau[0]) / (len(tau) - 1))
+    if abs(spacing) <= resolution:
+        return None
+    even = np.max(np.abs(tau - (tau[0] + spacing * np.arange(len(tau))))) <= resolution
+    return spacing if even else None
 
 
 def flow(M: Array, v: Array, tau: Array) -> Array:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import NonHyperbolicError
+from invtrack.lti.hidden_modes import zero_kinds
 from invtrack.lti.normal_form import NormalForm, normal_form
 from invtrack.lti.propagation import Propagator
 from invtrack.lti.state_space import StateSpace
@@ -107,19 +109,24 @@ def internal_dynamics(system: StateSpace) -> InternalDynamics:
 
 
 def zeros_on_axis(internal: InternalDynamics) -> ComplexArray:
-    """Those zeros that cannot be told from ones on the imaginary axis, repeated ones included.
+    """Those zeros that cannot be told from ones on the imaginary axis, repeated ones included; see `on_axis`."""
+    return internal.zeros[on_axis(internal)]
 
-    A zero s counts where |Re s| <= AXIS_TOLERANCE |s|, or where a perturbation within the matrix's uncertainty can put an
-    eigenvalue at j Im s (smallest singular value of A_eta - j Im s): so a double zero, which rounding splits by sqrt(eps), is
-    still seen.
+
+def on_axis(internal: InternalDynamics) -> NDArray[np.bool_]:
+    """Which of the zeros cannot be told from ones on the imaginary axis, (n_z,).
+
+    A zero s counts where |Re s| <= AXIS_TOLERANCE |s|, or where a perturbation within the matrix's uncertainty can move it to
+    j Im s (smallest singular value of A_eta - z I for z on the way): so a double zero, which rounding splits by sqrt(eps), is
+    still seen. Looking only at j Im s would name every real zero beside one at the origin.
     """
-    found = []
-    for zero in internal.zeros:
-        shifted = internal.A_eta - 1j * zero.imag * np.eye(len(internal.A_eta))
-        distance = np.linalg.svd(shifted, compute_uv=False)[-1]
-        if abs(zero.real) <= AXIS_TOLERANCE * abs(zero) or distance <= internal.uncertainty:
-            found.append(zero)
-    return np.array(found, dtype=complex)
+    found = np.zeros(len(internal.zeros), dtype=bool)
+    for i, zero in enumerate(internal.zeros):
+        way = 1j * zero.imag + zero.real * np.linspace(0.0, 1.0, 4, endpoint=False)
+        shifted = internal.A_eta - way[:, None, None] * np.eye(len(internal.A_eta))
+        distance = np.max(np.linalg.svd(shifted, compute_uv=False)[:, -1])
+        found[i] = abs(zero.real) <= AXIS_TOLERANCE * abs(zero) or distance <= internal.uncertainty
+    return found
 
 
 def split_dynamics(system: StateSpace) -> SplitDynamics:
@@ -128,14 +135,10 @@ def split_dynamics(system: StateSpace) -> SplitDynamics:
     Raises NonHyperbolicError for zeros on the imaginary axis, RelativeDegreeError as `zeros` does.
     """
     internal = internal_dynamics(system)
-    on_axis = zeros_on_axis(internal)
-    if on_axis.size:
-        listed = ", ".join(f"{zero:.4g}" for zero in on_axis)
-        raise NonHyperbolicError(
-            f"internal dynamics are not hyperbolic: zeros at {listed} lie on the imaginary axis to within what the model "
-            "resolves, so the bounded inverse does not exist or is not unique, and none decays both before and after the "
-            "manoeuvre; move these poles of the inverse off the axis, or track another output"
-        )
+    refused = on_axis(internal)
+    if np.any(refused):
+        kinds = zero_kinds(system, internal.form, internal.A_eta, internal.zeros)
+        raise NonHyperbolicError(_axis_message(internal, refused, kinds))
     n = len(internal.A_eta)
     schur, Q, n_s = scipy.linalg.schur(internal.A_eta, output="real", sort="lhp") if n else (np.zeros((0, 0)), np.eye(0), 0)
     A_s, A_u = schur[:n_s, :n_s], schur[n_s:, n_s:]
@@ -155,3 +158,38 @@ def split_dynamics(system: StateSpace) -> SplitDynamics:
         L_s=L_s,
         L_u=L_u,
     )
+
+
+REMEDIES = {
+    "transmission zero": "move these poles of the inverse off the axis, or track another output",
+    "uncontrollable mode": "no input moves it: damp it, add an actuator that moves it, or leave it out of the model",
+    "unobservable mode": "no output shows it: choose an output that does, damp it, or leave it out of the model",
+    "uncontrollable and unobservable mode": "no input moves it and no output shows it: leave it out of the model",
+}
+
+
+def _axis_message(internal: InternalDynamics, refused: NDArray[np.bool_], kinds: Sequence[str]) -> str:
+    size = float(np.max(np.abs(internal.zeros)))
+    listed = format_zeros(internal.zeros[refused], size)
+    message = (
+        f"internal dynamics are not hyperbolic: zeros at {listed} lie on the imaginary axis to within what the model "
+        "resolves, so the bounded inverse does not exist or is not unique, and none decays both before and after the manoeuvre"
+    )
+    for kind, remedy in REMEDIES.items():
+        alike = internal.zeros[refused & (np.array(kinds) == kind)]
+        if alike.size and kind == "transmission zero":
+            message += f"; {remedy}"
+        elif alike.size:
+            number, article = ("zero", "an") if alike.size == 1 else ("zeros", "each an")
+            message += f"; the {number} at {format_zeros(alike, size)}: {article} {kind} of the plant, {remedy}"
+    return message
+
+
+def format_zeros(zeros: ArrayLike, size: float = 0.0) -> str:
+    """Zeros as text, conjugates together: "-0.5, 0.0425+-4.305j". Parts below 1e-12 of `size` are written as 0."""
+    texts = []
+    for zero in np.atleast_1d(np.asarray(zeros, dtype=complex)):
+        real, imag = (0.0 if abs(part) <= 1e-12 * max(size, abs(zero)) else float(part) for part in (zero.real, zero.imag))
+        if imag >= 0:
+            texts.append(f"{real:.4g}" if imag == 0 else f"{real:.4g}+-{imag:.4g}j")
+    return ", ".join(texts)

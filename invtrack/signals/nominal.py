@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.lti.propagation import Propagator
 from invtrack.lti.switched import SwitchedSystem
-from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.signals.piecewise import PiecewiseSignal, selection
 
 Array = NDArray[np.float64]
 
@@ -57,13 +57,25 @@ class TwoSidedTrajectory:
         result = np.empty((len(times), len(self.generators[0].X_f[rows])))
         since = np.maximum(times - self.breakpoints[np.maximum(piece - 1, 0)], 0.0)
         until = np.maximum(self.breakpoints[np.minimum(piece, len(self.breakpoints) - 1)] - times, 0.0)
+        kind = self.kind[piece]
         for index, g in enumerate(self.generators):
-            chosen = np.flatnonzero(self.kind[piece] == index)
-            if chosen.size == 0:
+            chosen = selection(kind == index)
+            if chosen is None:
                 continue
             forward, backward = g.propagators
-            result[chosen] = forward.outputs(g.X_f[rows], self.v_f[:, : len(g.M_f)], piece[chosen], since[chosen])
-            result[chosen] += backward.outputs(g.X_b[rows], self.v_b[:, : len(g.M_b)], piece[chosen], until[chosen])
+            resolution = 4 * float(np.spacing(np.max(np.abs(times[chosen]))))
+            if g.M_f.size:
+                values = forward.outputs(
+                    g.X_f[rows], self.v_f[:, : len(g.M_f)], piece[chosen], since[chosen], resolution=resolution
+                )
+                result[chosen] = values
+            else:
+                result[chosen] = 0.0
+            if g.M_b.size:
+                values = backward.outputs(
+                    g.X_b[rows], self.v_b[:, : len(g.M_b)], piece[chosen], until[chosen], resolution=resolution
+                )
+                result[chosen] += values
         return result
 
 

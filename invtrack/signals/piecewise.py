@@ -104,10 +104,13 @@ class PiecewiseSignal:
         for index, (generator, X) in enumerate(zip(self.generators, rows, strict=True)):
             ours = self.kind[piece] == index
             w = self.anchors[:, : len(generator.S)]
-            for chosen, direction in ((np.flatnonzero(ours & ~before), 1.0), (np.flatnonzero(ours & before), -1.0)):
-                if chosen.size:
-                    tau = np.maximum(direction * since[chosen], 0.0)
-                    result[chosen] = generator.propagator(direction).outputs(X, w, piece[chosen], tau)
+            for mask, direction in ((ours & ~before, 1.0), (ours & before, -1.0)):
+                chosen = selection(mask)
+                if chosen is None:
+                    continue
+                tau = np.maximum(direction * since[chosen], 0.0)
+                resolution = 4 * float(np.spacing(np.max(np.abs(times[chosen]))))
+                result[chosen] = generator.propagator(direction).outputs(X, w, piece[chosen], tau, resolution=resolution)
         return result
 
     def jumps(self, order: int) -> Array:
@@ -184,6 +187,15 @@ class PiecewiseSignal:
         return _side_by_side(self, other, lambda *rows: np.hstack(rows))
 
 
+def selection(mask: NDArray[np.bool_]) -> slice | NDArray[np.intp] | None:
+    """Which entries a mask chooses: a slice where they are neighbours, which costs no copies; None where it chooses none."""
+    chosen = np.flatnonzero(mask)
+    if chosen.size == 0:
+        return None
+    first, last = int(chosen[0]), int(chosen[-1])
+    return slice(first, last + 1) if last - first + 1 == chosen.size else chosen
+
+
 def stack(signals: Sequence[PiecewiseSignal]) -> PiecewiseSignal:
     """One signal whose channels are those of all `signals`, in their order: a reference for a plant with several outputs."""
     result = signals[0]
@@ -196,13 +208,14 @@ def _side_by_side(first: PiecewiseSignal, second: PiecewiseSignal, join_rows: Ca
     """Both signals' generators run in parallel; `join_rows(R_1, R_2)` makes the rows of their values."""
     breakpoints = np.union1d(first.breakpoints, second.breakpoints)
     first, second = first.refined(breakpoints), second.refined(breakpoints)
-    distinct, kind = np.unique(np.column_stack([first.kind, second.kind]), axis=0, return_inverse=True)
+    shape = (len(first.generators), len(second.generators))
+    distinct, kind = np.unique(np.ravel_multi_index((first.kind, second.kind), shape), return_inverse=True)
     generators, anchors = [], np.zeros((len(kind), first.anchors.shape[1] + second.anchors.shape[1]))
-    for i, j in distinct.tolist():
+    for i, j in zip(*np.unravel_index(distinct, shape), strict=True):
         a, b = first.generators[i], second.generators[j]
         generators.append(Generator(scipy.linalg.block_diag(a.S, b.S), join_rows(a.R, b.R)))
         chosen = (first.kind == i) & (second.kind == j)
         q_a, q_b = len(a.S), len(b.S)
         anchors[chosen, :q_a] = first.anchors[chosen, :q_a]
         anchors[chosen, q_a : q_a + q_b] = second.anchors[chosen, :q_b]
-    return PiecewiseSignal(breakpoints, tuple(generators), kind.reshape(-1), anchors)
+    return PiecewiseSignal(breakpoints, tuple(generators), kind, anchors)

@@ -18,8 +18,9 @@ from invtrack.simulation.simulated_plant import StageInput, Stepper
 
 Array = NDArray[np.float64]
 Progress = Callable[[float], object]
+Parts = list[tuple[Array, Array]]  # columns of the record, each with the live array that is written there
 
-CHECK_EVERY = 128
+CHECK_EVERY = 512
 """Steps between two looks for divergence (and two reports of progress)."""
 
 LARGEST = 1e10
@@ -66,6 +67,7 @@ class Run:
         raw = np.empty((total + 1, sum(part.size for part in stepper.state)))
         seen = np.empty((total + 1, stepper.sensors.size))
         u = np.empty((total, stepper.control.size))
+        parts = self._parts(raw)
         with_sensors = self.measures == "sensors"
         measured = np.empty((total, stepper.measurement_columns.size if with_sensors else 0))
         estimate = np.empty((total, stepper.deviations(raw[:1]).shape[1] if with_sensors else 0))
@@ -73,12 +75,12 @@ class Run:
         with mujoco_warnings() as texts, np.errstate(all="ignore"):
             if at_stages:
                 with stepper.stages(self.law) as stage_input:
-                    done = self._take_steps(lambda steps: self._at_stages(stage_input, steps, raw, seen, u), progress)
+                    done = self._take_steps(lambda steps: self._at_stages(stage_input, steps, parts, seen, u), progress)
             elif with_sensors:
-                done = self._take_steps(lambda steps: self._sensor_feedback(steps, raw, seen, u, measured, estimate), progress)
+                done = self._take_steps(lambda steps: self._sensor_feedback(steps, parts, seen, u, measured, estimate), progress)
             else:
-                done = self._take_steps(lambda steps: self._state_feedback(steps, raw, seen, u), progress)
-            for target, part in self._parts(raw):
+                done = self._take_steps(lambda steps: self._state_feedback(steps, raw, parts, seen, u), progress)
+            for target, part in parts:
                 target[done] = part
             stepper.refresh()
             seen[done] = stepper.sensors
@@ -103,14 +105,14 @@ class Run:
                     progress(done / grid.n_steps)
         return done
 
-    def _parts(self, raw: Array) -> list[tuple[Array, Array]]:
+    def _parts(self, raw: Array) -> Parts:
         """Columns of the raw record, each with the live array that is written there."""
         ends = np.cumsum([0, *(part.size for part in self.stepper.state)])
         return [(raw[:, a:b], part) for a, b, part in zip(ends[:-1], ends[1:], self.stepper.state, strict=True)]
 
-    def _state_feedback(self, steps: range, raw: Array, seen: Array, commanded: Array) -> None:
+    def _state_feedback(self, steps: range, raw: Array, parts: Parts, seen: Array, commanded: Array) -> None:
         """The loop that sets the speed of a simulation: everything it needs is a local name."""
-        stepper, update, parts = self.stepper, self.law.update, self._parts(raw)
+        stepper, update = self.stepper, self.law.update
         control, sensors, advance = stepper.control, stepper.sensors, stepper.advance
         deviations = None if stepper.raw_is_deviation else stepper.deviations
         latest = int(self.update[steps.start - 1]) if steps.start else -1
@@ -126,8 +128,8 @@ class Run:
             advance()
             seen[i] = sensors
 
-    def _sensor_feedback(self, steps: range, raw: Array, seen: Array, commanded: Array, measured: Array, estimate: Array) -> None:
-        stepper, parts, columns = self.stepper, self._parts(raw), self.stepper.measurement_columns
+    def _sensor_feedback(self, steps: range, parts: Parts, seen: Array, commanded: Array, measured: Array, estimate: Array) -> None:
+        stepper, columns = self.stepper, self.stepper.measurement_columns
         latest = int(self.update[steps.start - 1]) if steps.start else -1
         for i, number in zip(steps, self.update[steps.start : steps.stop].tolist(), strict=True):
             for target, part in parts:
@@ -145,8 +147,8 @@ class Run:
             stepper.advance()
             seen[i] = stepper.sensors
 
-    def _at_stages(self, stage_input: StageInput, steps: range, raw: Array, seen: Array, commanded: Array) -> None:
-        parts, sensors = self._parts(raw), self.stepper.sensors
+    def _at_stages(self, stage_input: StageInput, steps: range, parts: Parts, seen: Array, commanded: Array) -> None:
+        sensors = self.stepper.sensors
         for i in steps:
             for target, part in parts:
                 target[i] = part
