@@ -21,8 +21,10 @@ from invtrack.inversion.assembly import Assembly, assemble
 from invtrack.inversion.boundary_value import BoundaryValueSolution, solve
 from invtrack.inversion.decay_stops import decay_stops
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
-from invtrack.inversion.stable import _require_consistent, _require_smooth, _shared_orders
-from invtrack.lti.hidden_modes import state_scale
+from invtrack.inversion.junctions import SAME_ROW_TOLERANCE
+from invtrack.inversion.stable import invert
+from invtrack.lti.balancing import balancing_scale
+from invtrack.lti.normal_form import NormalForm, _couplings
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem, as_switched
 from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
@@ -38,7 +40,6 @@ CONDITIONS: dict[type[InvtrackError], str] = {
     NonHyperbolicError: "no zeros on the imaginary axis",
     CompatibilityError: "compatibility at the jumps",
     BoundednessError: "boundedness before and after the manoeuvre",
-    InversionError: "a bounded response to the reference's endless modes",
 }
 
 
@@ -64,21 +65,25 @@ def feasibility(model: Any, reference: PiecewiseSignal) -> FeasibilityReport:
         IntervalReport(start, end, zeros, "" if error is None else str(error))
         for start, end, (zeros, _, error) in zip(edges[:-1], edges[1:], examined, strict=True)
     )
-    errors: list[InvtrackError] = [error for _, _, error in examined if error is not None]
     splits = [split for _, split, _ in examined if split is not None]
-    problem: tuple[Assembly, BoundaryValueSolution] | None = None
-    if not errors:
-        problem, errors = _boundary_value_problem(plant, splits, reference)
+    problem = _boundary_value_problem(plant, splits, reference) if len(splits) == len(plant) else None
     jumps = tuple(_jump(plant, k, examined[k][1], examined[k + 1][1], problem) for k in range(len(plant) - 1))
-    failed = errors[0] if errors else None
+    error = _verdict(plant, reference)
     return FeasibilityReport(
-        solvable=failed is None,
-        failed="" if failed is None else CONDITIONS.get(type(failed), "the inverse"),
-        message="" if failed is None else str(failed),
+        solvable=error is None,
+        failed="" if error is None else _condition(error, problem is not None),
+        message="" if error is None else str(error),
         intervals=intervals,
         jumps=jumps,
         boundary=None if problem is None else _boundary_conditions(splits, jumps, *problem),
     )
+
+
+def _condition(error: InvtrackError, has_equations: bool) -> str:
+    for kind, condition in CONDITIONS.items():
+        if isinstance(error, kind):
+            return condition
+    return "accuracy of the inverse" if has_equations else "a bounded response to the reference's endless modes"
 
 
 def _examine(system: StateSpace) -> tuple[ZeroReport | None, SplitDynamics | None, InvtrackError | None]:
@@ -90,27 +95,26 @@ def _examine(system: StateSpace) -> tuple[ZeroReport | None, SplitDynamics | Non
         return zeros, None, error
 
 
+def _verdict(plant: SwitchedSystem, reference: PiecewiseSignal) -> InvtrackError | None:
+    """What `invert` says: by definition the report agrees with it."""
+    try:
+        invert(plant, reference)
+    except (TrajectoryError, RelativeDegreeError, InversionError) as error:
+        return error
+    return None
+
+
 def _boundary_value_problem(
     plant: SwitchedSystem, splits: list[SplitDynamics], reference: PiecewiseSignal
-) -> tuple[tuple[Assembly, BoundaryValueSolution] | None, list[InvtrackError]]:
-    """The problem that `invert` solves, as far as it can be set up, and what speaks against it, first things first."""
-    errors: list[InvtrackError] = []
+) -> tuple[Assembly, BoundaryValueSolution] | None:
+    """The equations behind `invert`, also where they have no solution or the reference is not smooth; None if they do not exist."""
     y_0 = plant.systems[0].operating_point.y0
     deviation = reference + constant(-y_0, at=reference.support[0]) if np.any(y_0) else reference
     try:
-        _require_smooth(plant, splits, reference)
-    except TrajectoryError as error:
-        errors.append(error)
-    try:
         assembly = assemble(plant, splits, deviation.refined([*plant.switch_times, *decay_stops(deviation)]))
-    except InversionError as error:
-        return None, [*errors, error]
-    solution = solve(assembly.first, assembly.junctions, assembly.last)
-    try:
-        _require_consistent(plant, splits, assembly, solution)
-    except InversionError as error:
-        errors.append(error)
-    return (assembly, solution), errors
+    except InversionError:
+        return None
+    return assembly, solve(assembly.first, assembly.junctions, assembly.last)
 
 
 def _jump(
@@ -124,9 +128,10 @@ def _jump(
     angles: tuple[float | None, float | None, float | None] = (None, None, None)
     if left is not None and right is not None:
         forms = [left.internal.form, right.internal.form]
-        degrees = [list(form.relative_degree) for form in forms]
-        same = degrees[0] == degrees[1] == _shared_orders(left, right)
-        scale = state_scale(list(plant.systems[k : k + 2]), forms)[:, None]  # angles must not depend on units
+        same = _same_outputs(*forms)
+        sides = zip(plant.systems[k : k + 2], forms, strict=True)
+        couplings = np.sum([_couplings(system, form.A_x, form.B_y) for system, form in sides], axis=0)
+        scale = balancing_scale(couplings)[:, None]  # angles must not depend on units
         V_l, V_r = forms[0].V / scale, forms[1].V / scale
         angles = _angle(V_l, V_r), _angle(V_l @ left.W_s, V_r @ right.W_s), _angle(V_l @ left.W_u, V_r @ right.W_u)
     rows, fixed_miss, miss = None, None, None
@@ -136,6 +141,14 @@ def _jump(
         fixed_miss = float(assembly.open_checks[k][1])
         miss = float(solution.inconsistency[k] / max(assembly.size, np.finfo(float).tiny))
     return JumpReport(float(plant.switch_times[k]), same, *angles, rows, fixed_miss, miss)
+
+
+def _same_outputs(left: NormalForm, right: NormalForm) -> bool:
+    """Assumption 4: the same relative degree and the same rows of C*."""
+    if left.relative_degree != right.relative_degree:
+        return False
+    size = np.max(np.maximum(np.abs(left.C_star), np.abs(right.C_star)), axis=1, keepdims=True, initial=0.0)
+    return bool(np.all(np.abs(left.C_star - right.C_star) <= SAME_ROW_TOLERANCE * size))
 
 
 def _angle(left: Array, right: Array) -> float:

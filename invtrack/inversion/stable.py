@@ -16,11 +16,14 @@ from invtrack.inversion.junctions import SAME_ROW_TOLERANCE
 from invtrack.lti.switched import SwitchedSystem, as_switched
 from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
 from invtrack.signals.certificate import certify
-from invtrack.signals.nominal import NominalTrajectory, TwoSidedTrajectory
+from invtrack.signals.nominal import Certificate, NominalTrajectory, TwoSidedTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 from invtrack.signals.profiles import constant
 
 Array = NDArray[np.float64]
+
+ACCURACY = 1e-8
+"""Largest residual of a plan, relative to its size, with which it is handed out."""
 
 CONSISTENCY_TOLERANCE = 1e-7
 """Conditions without unknowns left must hold to this share of the size of their terms."""
@@ -44,8 +47,8 @@ def invert(
 
     Raises TrajectoryError (reference not smooth enough, wrong number of channels), InversionError (options out of range),
     RelativeDegreeError, NonHyperbolicError (zeros on the imaginary axis, in any interval), CompatibilityError (a jump at which no
-    continuous state keeps the output exact), BoundednessError (no bounded solution). Sources: Devasia, Chen, Paden 1996; Devasia,
-    Paden, Rossi 1996, Lemma 1.
+    continuous state keeps the output exact), BoundednessError (no bounded solution), InversionError (too ill-conditioned). Sources:
+    Devasia, Chen, Paden 1996; Devasia, Paden, Rossi 1996, Lemma 1.
     """
     if not 0 < tolerance < 1 or (max_preactuation is not None and not max_preactuation >= 0):
         raise InversionError(
@@ -65,6 +68,8 @@ def invert(
     trajectory = assembly.trajectory(solution.values)
     support = (float(trajectory.breakpoints[0]), float(trajectory.breakpoints[-1]))
     preactuation, postactuation, truncation = _actuation_times(assembly, trajectory, tolerance, max_preactuation)
+    certificate = certify(plant, trajectory, deviation, (support[0] - preactuation, support[1] + postactuation))
+    _require_accurate(certificate, solution)
     return NominalTrajectory(
         method="stable inversion",
         model=plant,
@@ -74,7 +79,7 @@ def invert(
         preactuation=preactuation,
         postactuation=postactuation,
         tolerance=tolerance,
-        certificate=certify(plant, trajectory, deviation, (support[0] - preactuation, support[1] + postactuation)),
+        certificate=certificate,
         remarks=_remarks(solution, preactuation, truncation, max_preactuation),
     )
 
@@ -160,6 +165,17 @@ def _require_consistent(
             "condition(s) that keep the internal state bounded after it, and these fail by "
             f"{solution.inconsistency[-1] / scale:.1e} of the trajectory's size; change the reference, the last interval's "
             "parameters, or the output"
+        )
+
+
+def _require_accurate(certificate: Certificate, solution: BoundaryValueSolution) -> None:
+    """The last guard: a plan that misses its own equations is refused, whatever the reason."""
+    worst = max(certificate.dynamics_residual, certificate.output_error, certificate.continuity)
+    if not worst <= ACCURACY:
+        raise InversionError(
+            f"the inverse is too ill-conditioned to be trusted: the plan misses its own equations by {worst:.1e} of its size "
+            f"({certificate}; smallest pivot of the boundary value problem {solution.conditioning:.1e}); look for inputs or states "
+            "in badly chosen units, nearly dependent outputs, or a model in fewer states"
         )
 
 

@@ -10,7 +10,6 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from invtrack.lti.balancing import balancing_scale
-from invtrack.lti.normal_form import NormalForm, _couplings
 from invtrack.lti.state_space import StateSpace
 
 Array = NDArray[np.float64]
@@ -22,68 +21,73 @@ ZeroKind = Literal["transmission zero", "uncontrollable mode", "unobservable mod
 COUPLING_TOLERANCE = 1e-10
 """A coupling counts as none below this share of the norm of A in balanced states, or of an input's column or an output's row."""
 
+ERROR_GROWTH = 10.0
+"""How much larger than the errors of the model's entries the couplings may be that they cause: each step passes errors on."""
+
 SHARED_TOLERANCE = 1e-7
 """An uncontrollable and an unobservable subspace share modes where the cosine between them is above this."""
 
 
-def zero_kinds(system: StateSpace, form: NormalForm, A_eta: Array, zeros: ComplexArray) -> tuple[ZeroKind, ...]:
-    """The kind of each of `zeros`, the eigenvalues of the internal dynamics A_eta (n_z, n_z) in the coordinates of `form`.
+def zero_kinds(system: StateSpace, zeros: ComplexArray) -> tuple[ZeroKind, ...]:
+    """The kind of each of `zeros`, the invariant zeros of a square `system` with vector relative degree.
 
-    A zero s is an uncontrollable mode where rank [A - s I, B] < n and an unobservable one where rank [A - s I; C] < n. Among equal
-    zeros that many are named so as there are hidden modes, which the rank alone does not tell: the internal dynamics are cut into
-    blocks by the invariant subspaces that staircase forms give (P. Van Dooren, IEEE Trans. Automatic Control 26, 1981), and each
-    zero is paired with an eigenvalue of a block.
+    A zero s is an uncontrollable mode where rank [A - s I, B] < n and an unobservable one where rank [A - s I; C] < n; each such
+    mode is a zero. Among equal zeros that many are named so as there are hidden modes, which the rank alone does not tell: the
+    modes come from staircase forms (P. Van Dooren, IEEE Trans. Automatic Control 26, 1981), the pairing is that of least distance.
     """
-    blocks = _blocks(system, form, A_eta)
-    values = np.concatenate([np.linalg.eigvals(block).astype(complex) for _, block in blocks])
-    kinds = [kind for kind, block in blocks for _ in range(len(block))]
-    _, partner = scipy.optimize.linear_sum_assignment(np.abs(zeros[:, None] - values[None, :]))
-    return tuple(kinds[i] for i in partner)
+    modes = hidden_modes(system)
+    kinds: list[ZeroKind] = ["transmission zero"] * len(zeros)
+    values = np.array([value for value, _ in modes], dtype=complex)
+    for zero, mode in zip(*scipy.optimize.linear_sum_assignment(np.abs(zeros[:, None] - values[None, :])), strict=True):
+        kinds[zero] = modes[mode][1]
+    return tuple(kinds)
 
 
-def state_scale(systems: list[StateSpace], forms: list[NormalForm]) -> Array:
-    """Scales d (n,) that balance the states of several models at once: x / d is free of units, up to a common factor."""
-    return balancing_scale(np.sum([_couplings(s, f.A_x, f.B_y) for s, f in zip(systems, forms, strict=True)], axis=0))
-
-
-def _blocks(system: StateSpace, form: NormalForm, A_eta: Array) -> list[tuple[ZeroKind, Array]]:
-    """A_eta cut into the four parts of Kalman's decomposition."""
-    unreached, unseen = _hidden_subspaces(system, form)
-    scale = state_scale([system], [form])
-    basis, rows = form.V / scale[:, None], form.N * scale
-    # Both lie within the internal dynamics: unseen states keep the output at zero, and no input moves `left` x.
-    left, unseen = np.linalg.qr((unreached.T @ basis).T)[0].T, rows @ unseen
-    n_o = unseen.shape[1]
-    Q = np.linalg.qr(unseen, mode="complete")[0] if n_o else np.eye(len(A_eta))
-    seen, unseen = Q[:, n_o:], Q[:, :n_o]
-    U, cosines, Vh = np.linalg.svd(left @ unseen)
+def hidden_modes(system: StateSpace) -> list[tuple[complex, ZeroKind]]:
+    """The eigenvalues of A that belong to modes which no input moves or no output shows, each as often as it is hidden."""
+    scale = _plant_scale(system)
+    A = system.A * scale / scale[:, None]
+    unreached, unseen = _hidden_subspaces(system, scale)
+    # w' x with w in `unreached` obeys a system of its own, and so do states within `unseen`; where both meet, modes are shared.
+    U, cosines, Vh = np.linalg.svd(unreached.T @ unseen)
     shared = int(np.sum(cosines > SHARED_TOLERANCE))
-    inside = unseen.T @ A_eta @ unseen
-    only = U[:, shared:].T @ left @ seen  # rows of `left` that vanish on the unseen states
-    W = np.linalg.qr(only.T, mode="complete")[0] if len(only) else np.eye(seen.shape[1])
-    rest = W.T @ seen.T @ A_eta @ seen @ W
-    n_c = len(only)
-    return [
-        ("transmission zero", rest[n_c:, n_c:]),
-        ("uncontrollable mode", rest[:n_c, :n_c]),
-        ("unobservable mode", Vh[shared:] @ inside @ Vh[shared:].T),
-        ("uncontrollable and unobservable mode", Vh[:shared] @ inside @ Vh[:shared].T),
+    left, both, right = unreached @ U[:, shared:], unseen @ Vh[:shared].T, unseen @ Vh[shared:].T
+    blocks: list[tuple[Array, ZeroKind]] = [
+        (left, "uncontrollable mode"),
+        (both, "uncontrollable and unobservable mode"),
+        (right, "unobservable mode"),
     ]
+    return [(complex(value), kind) for basis, kind in blocks for value in np.linalg.eigvals(basis.T @ A @ basis)]
 
 
-def _hidden_subspaces(system: StateSpace, form: NormalForm) -> tuple[Array, Array]:
+def _plant_scale(system: StateSpace) -> Array:
+    """Scales d (n,) that balance A together with B and C, whatever the units of states, inputs, outputs and time.
+
+    A alone may fall apart into parts without a common scale: each output is fed back to each input with the gain with which the
+    strongest loop through both is as fast as A (Perron root of |A|).
+    """
+    A, way, C = np.abs(system.A), np.abs(system.B), np.abs(system.C)
+    root = float(np.max(np.abs(np.linalg.eigvals(A))))
+    pace = root if root > 0 else 1.0  # integrators alone have no pace of their own: any will do
+    strongest = C @ way  # |C| (|A| / pace)^k |B|, the largest over k
+    for _ in range(system.n_states - 1):
+        way = A @ way / pace
+        strongest = np.maximum(strongest, C @ way)
+    gains = np.where(strongest > 0, pace / np.where(strongest > 0, strongest, 1.0), 0.0)
+    return balancing_scale(A + np.abs(system.B) @ gains.T @ C)
+
+
+def _hidden_subspaces(system: StateSpace, scale: Array) -> tuple[Array, Array]:
     """Orthonormal bases, in balanced states x / d, of what lies out of the inputs' reach, and out of the outputs' sight."""
-    scale = state_scale([system], [form])
     A, B, C = system.A * scale / scale[:, None], system.B / scale[:, None], system.C * scale
-    error = {name: system.error_estimates.get(name, 0.0) for name in "ABC"}
-    A_error = error["A"] * np.linalg.norm(1 / scale) * np.linalg.norm(scale)
-    A_tolerance = max(COUPLING_TOLERANCE * float(np.linalg.norm(A)), float(A_error))
-    B_size, C_size = np.linalg.norm(B, axis=0), np.linalg.norm(C, axis=1)
-    B_error = np.max(error["B"] * np.linalg.norm(1 / scale) / np.where(B_size > 0, B_size, 1.0))
-    C_error = np.max(error["C"] * np.linalg.norm(scale) / np.where(C_size > 0, C_size, 1.0))
-    B, C = B / np.where(B_size > 0, B_size, 1.0), C / np.where(C_size > 0, C_size, 1.0)[:, None]
-    unreached = _unreached(A, B, A_tolerance, max(COUPLING_TOLERANCE, float(B_error)))
-    unseen = _unreached(A.T, C.T, A_tolerance, max(COUPLING_TOLERANCE, float(C_error)))
+    error = {name: ERROR_GROWTH * system.error_estimates.get(name, 0.0) for name in "ABC"}
+    wide, high = np.linalg.norm(scale), np.linalg.norm(1 / scale)  # what an error of every entry can grow to
+    A_tolerance = max(COUPLING_TOLERANCE * float(np.linalg.norm(A)), float(error["A"] * high * wide))
+    B_size, C_size = (np.where(size > 0, size, 1.0) for size in (np.linalg.norm(B, axis=0), np.linalg.norm(C, axis=1)))
+    B_tolerance = max(COUPLING_TOLERANCE, float(np.max(error["B"] * high / B_size)))
+    C_tolerance = max(COUPLING_TOLERANCE, float(np.max(error["C"] * wide / C_size)))
+    unreached = _unreached(A, B / B_size, A_tolerance, B_tolerance)
+    unseen = _unreached(A.T, (C / C_size[:, None]).T, A_tolerance, C_tolerance)
     return unreached, unseen
 
 

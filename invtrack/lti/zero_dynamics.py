@@ -122,10 +122,11 @@ def on_axis(internal: InternalDynamics) -> NDArray[np.bool_]:
     """
     found = np.zeros(len(internal.zeros), dtype=bool)
     for i, zero in enumerate(internal.zeros):
-        way = 1j * zero.imag + zero.real * np.linspace(0.0, 1.0, 4, endpoint=False)
-        shifted = internal.A_eta - way[:, None, None] * np.eye(len(internal.A_eta))
-        distance = np.max(np.linalg.svd(shifted, compute_uv=False)[:, -1])
-        found[i] = abs(zero.real) <= AXIS_TOLERANCE * abs(zero) or distance <= internal.uncertainty
+        way = (1j * zero.imag + share * zero.real for share in (0.0, 0.25, 0.5, 0.75))
+        found[i] = abs(zero.real) <= AXIS_TOLERANCE * abs(zero) or all(
+            np.linalg.svd(internal.A_eta - z * np.eye(len(internal.A_eta)), compute_uv=False)[-1] <= internal.uncertainty
+            for z in way
+        )
     return found
 
 
@@ -137,7 +138,7 @@ def split_dynamics(system: StateSpace) -> SplitDynamics:
     internal = internal_dynamics(system)
     refused = on_axis(internal)
     if np.any(refused):
-        kinds = zero_kinds(system, internal.form, internal.A_eta, internal.zeros)
+        kinds = zero_kinds(system, internal.zeros)
         raise NonHyperbolicError(_axis_message(internal, refused, kinds))
     n = len(internal.A_eta)
     schur, Q, n_s = scipy.linalg.schur(internal.A_eta, output="real", sort="lhp") if n else (np.zeros((0, 0)), np.eye(0), 0)

@@ -145,7 +145,7 @@ def zero_report(system: Any) -> ZeroReport:
     """
     plant = as_state_space(system)
     internal = internal_dynamics(plant)
-    kinds = zero_kinds(plant, internal.form, internal.A_eta, internal.zeros)
+    kinds = zero_kinds(plant, internal.zeros)
     found = [
         Zero(complex(value), kind, bool(axis)) for value, kind, axis in zip(internal.zeros, kinds, on_axis(internal), strict=True)
     ]

@@ -117,6 +117,33 @@ def test_hidden_jordan_block() -> None:
     assert_same_set(values(report, TRANSMISSION), [1.0], 1e-9)
 
 
+@pytest.mark.parametrize("stiffness", [1.0, 1e8])
+@pytest.mark.parametrize(("count", "hidden"), [(5, 4), (9, 8), (8, 0)])
+def test_the_middle_of_a_symmetric_structure_does_not_show_its_antisymmetric_modes(
+    count: int, hidden: int, stiffness: float
+) -> None:
+    """A free chain of equal masses, pushed at its end: an odd number has a mass in the middle, a node of every second mode."""
+    links = np.diff(np.eye(count), axis=0)
+    K, none, one = stiffness * links.T @ links, np.zeros((count, count)), np.eye(count)
+    A = np.block([[none, one], [-K, -0.01 / np.sqrt(stiffness) * K]])
+    report = zero_report(StateSpace(A, np.eye(2 * count)[:, [count]], np.eye(2 * count)[[count // 2]]))
+    assert [zero.kind for zero in report.hidden] == [UNOBSERVABLE] * hidden
+    antisymmetric = 2 * np.sqrt(stiffness) * np.sin(np.pi * np.arange(1, count, 2) / (2 * count))
+    found = sorted(abs(zero.value) for zero in report.hidden)
+    assert found == pytest.approx(np.repeat(antisymmetric, 2) if hidden else [], rel=1e-3)
+
+
+def test_hidden_modes_are_seen_through_the_noise_of_a_numerical_linearization() -> None:
+    rng = np.random.default_rng(3)
+    exact = with_hidden_modes(rng, plant_with(rng, (2,), block(1.0), mixed=False), block(-1.0), block(-2.0), block(), mixed=False)
+    noisy, error = exact.A + rng.uniform(-1e-8, 1e-8, exact.A.shape), {"A": 1e-8}
+    noisy[:1] = exact.A[:1]  # x' = v is exact
+    report = zero_report(StateSpace(noisy, exact.B, exact.C, error_estimates=error))
+    assert_same_set(values(report, UNOBSERVABLE), [-1.0], 1e-6)
+    assert_same_set(values(report, UNCONTROLLABLE), [-2.0], 1e-6)
+    assert zero_report(StateSpace(noisy, exact.B, exact.C)).hidden == ()
+
+
 def test_a_zero_at_the_origin_does_not_take_the_other_real_zeros_with_it() -> None:
     report = zero_report(plant_with(np.random.default_rng(0), (2,), block(0.0, -4.0, 1.0)))
     assert_same_set([zero.value for zero in report.on_axis], [0.0], 1e-12)
