@@ -76,8 +76,8 @@ def main(quick: bool = False, turns: int = 5) -> None:
 def closed_loop(folder: Path, steps: int, turns: int) -> None:
     """Steps per second of the closed loop, state feedback on a plan, against a Python loop that only calls mj_step.
 
-    "loop" is the stepping itself: state read, law evaluated, step taken, everything recorded. "simulate" is the whole call, with the
-    plan looked up at every step before the loop and the result put together after it.
+    "closed loop" is the stepping itself: state read, law evaluated, step taken, everything recorded. "simulate" is the whole call,
+    with the plan looked up at every step before the loop and the result put together after it.
     """
     rows: dict[str, dict[str, Cell]] = {}
     for plant in (cantilever(), chain(folder, 21)):

@@ -19,12 +19,14 @@ from invtrack.evaluation.metrics import (
     rms_error,
     state_vibration,
 )
+from invtrack.inversion.feasibility import feasibility
 from invtrack.inversion.stable import invert
 from invtrack.inversion.static_reference import static_reference
 from invtrack.lti.normal_form import normal_form, relative_degree
 from invtrack.lti.state_space import Measurement, OperatingPoint, StateSpace
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.lti.zero_dynamics import zeros
+from invtrack.lti.zero_report import zero_report
 from invtrack.physics.linearize import linearize
 from invtrack.physics.model_files import model_path
 from invtrack.physics.parameters import BodyMass, JointDamping, JointStiffness, TendonDamping, TendonStiffness
@@ -74,6 +76,7 @@ __all__ = [
     "autonomous",
     "constant",
     "export_plan",
+    "feasibility",
     "invert",
     "linearize",
     "load_recording",
@@ -100,5 +103,6 @@ __all__ = [
     "state_vibration",
     "static_reference",
     "versine",
+    "zero_report",
     "zeros",
 ]

@@ -19,25 +19,24 @@ from invtrack.errors import (
 )
 from invtrack.inversion.assembly import Assembly, assemble
 from invtrack.inversion.boundary_value import BoundaryValueSolution, solve
-from invtrack.inversion.decay_stops import decay_stops
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
 from invtrack.inversion.junctions import SAME_ROW_TOLERANCE
+from invtrack.inversion.problem import deviation_reference, require_channels
 from invtrack.inversion.stable import invert
 from invtrack.lti.balancing import balancing_scale
-from invtrack.lti.normal_form import NormalForm, _couplings
+from invtrack.lti.normal_form import NormalForm, couplings
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem, as_switched
 from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
 from invtrack.lti.zero_report import ZeroReport, zero_report
 from invtrack.signals.piecewise import PiecewiseSignal
-from invtrack.signals.profiles import constant
 
 Array = NDArray[np.float64]
 
 CONDITIONS: dict[type[InvtrackError], str] = {
     TrajectoryError: "smoothness of the reference",
     RelativeDegreeError: "vector relative degree in every interval",
-    NonHyperbolicError: "no zeros on the imaginary axis",
+    NonHyperbolicError: "no zeros on the imaginary axis before and after the manoeuvre",
     CompatibilityError: "compatibility at the jumps",
     BoundednessError: "boundedness before and after the manoeuvre",
 }
@@ -54,12 +53,10 @@ def feasibility(model: Any, reference: PiecewiseSignal) -> FeasibilityReport:
     what makes the problem unsolvable is reported. Source: Devasia, Paden, Rossi 1996, section 2.
     """
     plant = as_switched(model)
-    first = plant.systems[0]
-    if reference.n_channels != first.n_channels:
-        names = list(first.output_names)
-        raise TrajectoryError(f"the reference has {reference.n_channels} channels, the plant {len(names)} outputs {names}")
+    require_channels(plant, reference)
     edges = [-np.inf, *plant.switch_times.tolist(), np.inf]
-    known = {id(system): _examine(system) for system in plant.systems}
+    ends = {id(plant.systems[0]), id(plant.systems[-1])}
+    known = {id(system): _examine(system, endless=id(system) in ends) for system in plant.systems}
     examined = [known[id(system)] for system in plant.systems]
     intervals = tuple(
         IntervalReport(start, end, zeros, "" if error is None else str(error))
@@ -86,11 +83,11 @@ def _condition(error: InvtrackError, has_equations: bool) -> str:
     return "accuracy of the inverse" if has_equations else "a bounded response to the reference's endless modes"
 
 
-def _examine(system: StateSpace) -> tuple[ZeroReport | None, SplitDynamics | None, InvtrackError | None]:
+def _examine(system: StateSpace, *, endless: bool) -> tuple[ZeroReport | None, SplitDynamics | None, InvtrackError | None]:
     zeros = None
     try:
         zeros = zero_report(system)
-        return zeros, split_dynamics(system), None
+        return zeros, split_dynamics(system, endless=endless), None
     except (RelativeDegreeError, NonHyperbolicError) as error:
         return zeros, None, error
 
@@ -108,10 +105,8 @@ def _boundary_value_problem(
     plant: SwitchedSystem, splits: list[SplitDynamics], reference: PiecewiseSignal
 ) -> tuple[Assembly, BoundaryValueSolution] | None:
     """The equations behind `invert`, also where they have no solution or the reference is not smooth; None if they do not exist."""
-    y_0 = plant.systems[0].operating_point.y0
-    deviation = reference + constant(-y_0, at=reference.support[0]) if np.any(y_0) else reference
     try:
-        assembly = assemble(plant, splits, deviation.refined([*plant.switch_times, *decay_stops(deviation)]))
+        assembly = assemble(plant, splits, deviation_reference(plant, reference))
     except InversionError:
         return None
     return assembly, solve(assembly.first, assembly.junctions, assembly.last)
@@ -130,8 +125,8 @@ def _jump(
         forms = [left.internal.form, right.internal.form]
         same = _same_outputs(*forms)
         sides = zip(plant.systems[k : k + 2], forms, strict=True)
-        couplings = np.sum([_couplings(system, form.A_x, form.B_y) for system, form in sides], axis=0)
-        scale = balancing_scale(couplings)[:, None]  # angles must not depend on units
+        together = np.sum([couplings(system, form.A_x, form.B_y) for system, form in sides], axis=0)
+        scale = balancing_scale(together)[:, None]  # angles must not depend on units
         V_l, V_r = forms[0].V / scale, forms[1].V / scale
         angles = _angle(V_l, V_r), _angle(V_l @ left.W_s, V_r @ right.W_s), _angle(V_l @ left.W_u, V_r @ right.W_u)
     rows, fixed_miss, miss = None, None, None

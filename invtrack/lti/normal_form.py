@@ -69,7 +69,7 @@ def normal_form(system: StateSpace) -> NormalForm:
     B_y = np.array(B_rows)
     condition = _decoupling_condition(system, B_y, degrees)
     C_star = np.array(star_rows).reshape(-1, system.n_states)
-    P, V, N = _internal_coordinates(_couplings(system, np.array(A_rows), B_y), C_star)
+    P, V, N = _internal_coordinates(couplings(system, np.array(A_rows), B_y), C_star)
     return NormalForm(tuple(degrees), C_star, N, P, V, np.array(A_rows), B_y, condition)
 
 
@@ -111,7 +111,7 @@ def _decoupling_condition(system: StateSpace, B_y: Array, degrees: list[int]) ->
     return condition
 
 
-def _couplings(system: StateSpace, A_x: Array, B_y: Array) -> Array:
+def couplings(system: StateSpace, A_x: Array, B_y: Array) -> Array:
     """How strongly each state acts on each other (n, n), through the plant and the tracking law; free of the channels' units.
 
     The plant alone may fall apart into parts that do not act on each other (chains of integrators), which could not be balanced.

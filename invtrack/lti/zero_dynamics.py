@@ -130,18 +130,24 @@ def on_axis(internal: InternalDynamics) -> NDArray[np.bool_]:
     return found
 
 
-def split_dynamics(system: StateSpace) -> SplitDynamics:
+def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics:
     """Internal dynamics split by an ordered real Schur form and a Sylvester equation.
 
-    Raises NonHyperbolicError for zeros on the imaginary axis, RelativeDegreeError as `zeros` does.
+    endless: whether the plant stays as it is for all of the past or future. Over an interval that ends, zeros on the imaginary axis
+    do no harm; they are then counted with the stable ones.
+
+    Raises NonHyperbolicError for zeros on the imaginary axis if endless, RelativeDegreeError as `zeros` does.
     """
     internal = internal_dynamics(system)
     refused = on_axis(internal)
-    if np.any(refused):
+    if np.any(refused) and endless:
         kinds = zero_kinds(system, internal.zeros)
         raise NonHyperbolicError(_axis_message(internal, refused, kinds))
     n = len(internal.A_eta)
-    schur, Q, n_s = scipy.linalg.schur(internal.A_eta, output="real", sort="lhp") if n else (np.zeros((0, 0)), np.eye(0), 0)
+    limit = 1.001 * float(np.max(internal.zeros[refused].real, initial=0.0))  # rounding may put a double zero on either side
+    schur, Q, n_s = np.zeros((0, 0)), np.eye(0), 0
+    if n:
+        schur, Q, n_s = scipy.linalg.schur(internal.A_eta, output="real", sort=lambda re, im: re <= limit)
     A_s, A_u = schur[:n_s, :n_s], schur[n_s:, n_s:]
     coupling = np.zeros((n_s, n - n_s))
     if 0 < n_s < n:

@@ -74,7 +74,7 @@ PROBLEMS: dict[str, tuple[Any, PiecewiseSignal, str, int | None]] = {
     "relative degree changes at rest": (jumping(POSITION, MIXED, at=[3.0]), MOTION, "", 0),
     "relative degree changes in motion": (jumping(POSITION, MIXED), MOTION, "compatibility", 0),
     "zero on the axis": (jumping(system(1.0), system(0.0)), MOTION, "no zeros on the imaginary axis", None),
-    "axis in between": (jumping(system(1.0), system(0.0), system(1.0), at=[0.5, 1.0]), MOTION, "no zeros on", None),
+    "axis in between": (jumping(system(1.0), system(0.0), system(1.0), at=[0.5, 1.0]), MOTION, "", 0),
     "no relative degree": (
         StateSpace(np.zeros((2, 2)), np.ones((2, 2)), np.eye(2)),
         rest_to_rest([0, 0], [1, 1], 1.0),

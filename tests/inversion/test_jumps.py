@@ -118,9 +118,27 @@ def test_a_relative_degree_that_changes() -> None:
         invert(SwitchedSystem([position, mixed], [1.0]), MOTION)
 
 
-def test_axis_zeros_are_refused_in_every_interval() -> None:
-    with pytest.raises(NonHyperbolicError):
-        invert(SwitchedSystem([system(1.0), system(0.0)], [1.0]), MOTION)
+@pytest.mark.parametrize("internal", [system(0.0), StateSpace([[0.0, 0.0], [1.0, 1e-15]], [[1.0], [0.0]], [[1.0, 0.0]])])
+def test_a_zero_on_the_axis_between_jumps_does_no_harm(internal: StateSpace) -> None:
+    """Over an interval that ends it stays bounded: eta' = y there, and eta' = eta + y before and after."""
+    plan = invert(SwitchedSystem([system(1.0), internal, system(1.0)], [0.5, 1.0]), MOTION)
+    assert_certified(plan)
+    between = plan(np.linspace(0.5, 1.0, 201))
+    gained = np.trapezoid(between.y_d[:, 0], between.time)
+    assert between.x[-1, 1] - between.x[0, 1] == pytest.approx(gained, abs=1e-5)
+
+
+@pytest.mark.parametrize("internal", [np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0, 2.0], [-2.0, 0.0]])])
+def test_repeated_and_oscillating_zeros_on_the_axis_between_jumps_do_no_harm(internal: np.ndarray) -> None:
+    rng = np.random.default_rng(1)
+    ends, between = (plant_with(rng, (2,), dynamics, mixed=False) for dynamics in (block(-1.0, 2.0), internal))
+    assert_certified(invert(SwitchedSystem([ends, between, ends], [0.5, 1.0]), MOTION))
+
+
+def test_axis_zeros_at_the_ends_are_refused() -> None:
+    for systems in ((system(0.0), system(1.0)), (system(1.0), system(0.0))):
+        with pytest.raises(NonHyperbolicError, match="zeros at 0 lie on the imaginary axis"):
+            invert(SwitchedSystem(systems, [1.0]), MOTION)
 
 
 def test_nothing_overflows_over_long_intervals_with_fast_zeros() -> None:

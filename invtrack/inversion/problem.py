@@ -1,0 +1,42 @@
+"""What an inversion starts from: the internal dynamics of each interval, and the reference as deviation."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from invtrack.errors import TrajectoryError
+from invtrack.inversion.decay_stops import decay_stops
+from invtrack.lti.switched import SwitchedSystem
+from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
+from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.signals.profiles import constant
+
+
+def require_channels(plant: SwitchedSystem, reference: PiecewiseSignal) -> None:
+    """Raises TrajectoryError unless the reference has one channel per output."""
+    names = list(plant.systems[0].output_names)
+    if reference.n_channels != len(names):
+        raise TrajectoryError(f"the reference has {reference.n_channels} channels, the plant {len(names)} outputs {names}")
+
+
+def split_each(plant: SwitchedSystem) -> list[SplitDynamics]:
+    """Split internal dynamics of each interval; models that recur are worked out once.
+
+    Zeros on the imaginary axis are refused in the first and the last interval, which have no end; over the others they stay
+    bounded.
+    """
+    known: dict[int, SplitDynamics] = {}
+    for system in (plant.systems[0], plant.systems[-1]):
+        if id(system) not in known:
+            known[id(system)] = split_dynamics(system)
+    for system in plant.systems:
+        if id(system) not in known:
+            known[id(system)] = split_dynamics(system, endless=False)
+    return [known[id(system)] for system in plant.systems]
+
+
+def deviation_reference(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSignal:
+    """The reference as deviation from the operating point, with breakpoints wherever the inverse needs them."""
+    y_0 = plant.systems[0].operating_point.y0
+    deviation = reference + constant(-y_0, at=reference.support[0]) if np.any(y_0) else reference
+    return deviation.refined([*plant.switch_times, *decay_stops(deviation)])
