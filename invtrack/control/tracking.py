@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.control.affine import AffineLaw
 from invtrack.control.gains import GainSchedule
 from invtrack.control.protocol import Instants
 from invtrack.errors import ControlError
@@ -60,7 +60,7 @@ class TrackingController:
         """The state."""
         return "state"
 
-    def begin(self, instants: Instants) -> TrackingLaw:
+    def begin(self, instants: Instants) -> AffineLaw:
         """The law for one run: plan and gains looked up for all its instants at once."""
         x_ref = self._nominal.states(instants.time, inside=instants.inside)
         interval = self._gains.interval(instants.inside)
@@ -68,30 +68,7 @@ class TrackingController:
         for k, gain in enumerate(self._gains.gains):
             chosen = interval == k
             offset[chosen] += x_ref[chosen] @ gain.T
-        return TrackingLaw(offset, self._gains.gains, interval)
-
-
-class TrackingLaw:
-    """u = offset_i - K_i x with everything that does not depend on the measurement worked out before the run.
-
-    One product [-K I] [x; offset] gives u: this is called in every physics step, and each operation on a small array costs as much
-    as the next.
-    """
-
-    estimate = None
-
-    def __init__(self, offset: Array, gains: Sequence[Array], interval: NDArray[np.intp]) -> None:
-        p, self._n = gains[0].shape
-        self._rows = np.hstack([np.empty((len(offset), self._n)), offset])
-        self._products = [np.hstack([-gain, np.eye(p)]).dot for gain in gains]
-        self._which = interval.tolist()
-
-    def update(self, index: int, measurement: NDArray[np.float64]) -> Array:
-        """Input (p,) at instant number `index`."""
-        row = self._rows[index]
-        row[: self._n] = measurement
-        result: Array = self._products[self._which[index]](row)
-        return result
+        return AffineLaw(offset, self._gains.gains, interval)
 
 
 def mean_feedforward(nominal: NominalTrajectory, instants: Instants) -> Array:

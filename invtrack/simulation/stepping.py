@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.control.affine import AffineLaw
 from invtrack.control.protocol import Law
 from invtrack.physics.callbacks import mujoco_warnings
 from invtrack.simulation.grid import Grid
@@ -64,9 +65,11 @@ class Run:
     def go(self, *, at_stages: bool, progress: Progress | None) -> Recorded:
         """Take all steps, or as many as the integration lasts."""
         total, stepper = self.grid.n_steps, self.stepper
-        raw = np.empty((total + 1, sum(part.size for part in stepper.state)))
+        width, p = sum(part.size for part in stepper.state), stepper.control.size
+        rows = np.empty((total + 1, width + p))  # room for an affine law's offsets beside the raw states
+        raw = rows[:, :width]
         seen = np.empty((total + 1, stepper.sensors.size))
-        u = np.empty((total, stepper.control.size))
+        u = np.empty((total, p))
         parts = self._parts(raw)
         with_sensors = self.measures == "sensors"
         measured = np.empty((total, stepper.measurement_columns.size if with_sensors else 0))
@@ -78,6 +81,10 @@ class Run:
                     done = self._take_steps(lambda steps: self._at_stages(stage_input, steps, parts, seen, u), progress)
             elif with_sensors:
                 done = self._take_steps(lambda steps: self._sensor_feedback(steps, parts, seen, u, measured, estimate), progress)
+            elif isinstance(self.law, AffineLaw) and len(self.law.offset) == total and stepper.raw_is_deviation:
+                rows[:-1, width:] = self.law.offset
+                law = self.law
+                done = self._take_steps(lambda steps: self._affine_feedback(law, steps, rows, parts, seen, u), progress)
             else:
                 done = self._take_steps(lambda steps: self._state_feedback(steps, raw, parts, seen, u), progress)
             for target, part in parts:
@@ -110,8 +117,20 @@ class Run:
         ends = np.cumsum([0, *(part.size for part in self.stepper.state)])
         return [(raw[:, a:b], part) for a, b, part in zip(ends[:-1], ends[1:], self.stepper.state, strict=True)]
 
+    def _affine_feedback(self, law: AffineLaw, steps: range, rows: Array, parts: Parts, seen: Array, commanded: Array) -> None:
+        """The loop that sets the speed of a simulation: rows are [x, offset], and the gain is one and the same over a chunk."""
+        control, sensors, advance = self.stepper.control, self.stepper.sensors, self.stepper.advance
+        input_of = law.row_gain(steps.start).dot
+        for i in steps:
+            for target, part in parts:
+                target[i] = part
+            u = input_of(rows[i])
+            commanded[i] = u
+            control[:] = u
+            advance()
+            seen[i] = sensors
+
     def _state_feedback(self, steps: range, raw: Array, parts: Parts, seen: Array, commanded: Array) -> None:
-        """The loop that sets the speed of a simulation: everything it needs is a local name."""
         stepper, update = self.stepper, self.law.update
         control, sensors, advance = stepper.control, stepper.sensors, stepper.advance
         deviations = None if stepper.raw_is_deviation else stepper.deviations

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import invtrack
+from invtrack.control.affine import AffineLaw
 from invtrack.control.protocol import Instants
-from invtrack.control.tracking import TrackingLaw
 from tests.simulation.rigs import JUMPS, MASSES, Rig, cantilever_rig
 
 STEP = 1e-3
@@ -99,17 +99,16 @@ def test_jumps_are_recorded_as_events_and_parameters(run: invtrack.RunResult) ->
 class LateController(invtrack.TrackingController):
     """Mutant: everything one step late."""
 
-    def begin(self, instants: Instants) -> TrackingLaw:
+    def begin(self, instants: Instants) -> AffineLaw:
         law = super().begin(instants)
-        in_time = law.update
-        law.update = lambda index, measurement: in_time(max(index - 1, 0), measurement)  # type: ignore[method-assign]
-        return law
+        late = np.maximum(np.arange(len(law.offset)) - 1, 0)
+        return AffineLaw(law.offset[late], self.gains.gains, self.gains.interval(instants.inside)[late])
 
 
 class WrongSideController(invtrack.TrackingController):
     """Mutant: gains and plan are taken from the interval before the one that an instant belongs to."""
 
-    def begin(self, instants: Instants) -> TrackingLaw:
+    def begin(self, instants: Instants) -> AffineLaw:
         edges = self.breakpoints
 
         def earlier(inside: np.ndarray) -> np.ndarray:
