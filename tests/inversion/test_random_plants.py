@@ -7,13 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from invtrack.errors import InvtrackError
+from invtrack.errors import BoundednessError, NonHyperbolicError
 from invtrack.inversion.stable import invert
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.signals.nominal import Certificate
 from invtrack.signals.profiles import rest_to_rest
-from tests.lti.random_plants import plant_with
+from tests.lti.random_plants import pencil_zeros, plant_with
 
 SEEDS = st.integers(0, 10**6)
 
@@ -22,9 +22,10 @@ def worst(certificate: Certificate) -> float:
     return max(certificate.dynamics_residual, certificate.output_error, certificate.continuity)
 
 
-@settings(deadline=None, max_examples=50, derandomize=True)
-@given(st.integers(2, 12), st.integers(1, 3), SEEDS)
+@settings(deadline=None, max_examples=80, derandomize=True)
+@given(st.integers(2, 20), st.integers(1, 4), SEEDS)
 def test_dense_plants(n: int, p: int, seed: int) -> None:
+    """A certificate of 1e-8, or a refusal for a zero that an independent computation finds next to the axis; nothing else."""
     rng = np.random.default_rng(seed)
     p = min(n, p)
     D = np.zeros((p, p)) if seed % 3 else np.diag(rng.integers(0, 2, p)).astype(float)
@@ -32,7 +33,9 @@ def test_dense_plants(n: int, p: int, seed: int) -> None:
     target = rng.normal(size=p) * (rng.random(p) < 0.7)  # some channels are to stay still
     try:
         plan = invert(plant, rest_to_rest(np.zeros(p), target, 2.0, smoothness=1))
-    except InvtrackError:
+    except NonHyperbolicError:
+        zeros = pencil_zeros(plant.A, plant.B, plant.C, plant.D)
+        assert np.min(np.abs(zeros.real) / np.abs(zeros)) < 1e-6
         return
     assert worst(plan.certificate) <= 1e-8
     assert plan.certificate.rest_residual <= 1e-8
@@ -62,7 +65,7 @@ def test_plants_that_jump(n: int, p: int, jumps: int, seed: int) -> None:
     times = np.sort(rng.uniform(-1.0, 3.0, jumps))
     try:
         plan = invert(SwitchedSystem(systems, times), rest_to_rest(np.zeros(p), rng.normal(size=p), 2.0))
-    except InvtrackError:
+    except (BoundednessError, NonHyperbolicError):
         return
     assert worst(plan.certificate) <= 1e-8
 
