@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.control.gains import GainSchedule
 from invtrack.control.observer import Observer, measured
+from invtrack.control.plan_follower import PlanFollower
 from invtrack.control.protocol import Instants
-from invtrack.control.tracking import as_gain_schedule, checked_period, mean_feedforward
 from invtrack.errors import ControlError
 from invtrack.lti.state_space import StateSpace
 from invtrack.signals.nominal import NominalTrajectory
@@ -20,7 +20,7 @@ from invtrack.signals.nominal import NominalTrajectory
 Array = NDArray[np.float64]
 
 
-class OutputFeedbackController:
+class OutputFeedbackController(PlanFollower):
     """u = u_ff - K_k e_hat, e_hat the estimated deviation e = x - x_ref from the plan.
 
     At each update, with the plan's measurement y_ref = y0 + C_m x_ref:
@@ -37,8 +37,6 @@ class OutputFeedbackController:
     Raises ControlError where gains or period do not fit, or a measurement depends on the input at once.
     """
 
-    stateless = False
-
     def __init__(
         self,
         nominal: NominalTrajectory,
@@ -48,50 +46,37 @@ class OutputFeedbackController:
         period: float | None = None,
         measurement_delay: float = 0.0,
     ) -> None:
+        super().__init__(nominal, gains, period)
         if not measurement_delay >= 0:
             raise ControlError(f"measurement_delay must not be negative, got {measurement_delay} s")
         for system in nominal.model.systems:
             measured(system)
-        self._nominal = nominal
-        self._gains = as_gain_schedule(gains, nominal)
-        self._observer = observer
-        self._period = checked_period(period)
-        self._delay = measurement_delay
-
-    @property
-    def nominal(self) -> NominalTrajectory:
-        """The planned trajectory."""
-        return self._nominal
-
-    @property
-    def breakpoints(self) -> Array:
-        """Breakpoints of the plan and switch times of the gains [s]."""
-        return np.union1d(self._nominal.breakpoints, self._gains.switch_times)
-
-    @property
-    def period(self) -> float | None:
-        """Time [s] between two updates; None: one in every physics step."""
-        return self._period
+        self._observer, self._delay = observer, measurement_delay
 
     @property
     def measures(self) -> Literal["state", "sensors"]:
         """The sensors."""
         return "sensors"
 
+    @property
+    def stateless(self) -> bool:
+        """False: the estimate is a state."""
+        return False
+
     def begin(self, instants: Instants) -> OutputFeedbackLaw:
         """The law for one run: plan looked up, observer gains designed for each interval and hold that occurs."""
-        model = self._nominal.model
-        x_ref = self._nominal.states(instants.time, inside=instants.inside)
-        seen = self._nominal.states(instants.time - self._delay, inside=instants.inside if self._delay <= 0 else None)
+        model = self.nominal.model
+        x_ref = self.nominal.states(instants.time, inside=instants.inside)
+        seen = self.nominal.states(instants.time - self._delay, inside=instants.inside if self._delay <= 0 else None)
         interval = model.interval(instants.inside)
         expected = np.stack([system.measurement.y0 for system in model.systems])[interval]
         for k, system in enumerate(model.systems):
             expected[interval == k] += seen[interval == k] @ system.measurement.C.T
-        gain_of = self._gains.interval(instants.inside)
+        gain_of = self.gains.interval(instants.inside)
         # Holds are equal but for rounding within an interval: one design serves all that agree to 9 digits.
         keys = list(zip(interval.tolist(), gain_of.tolist(), [float(f"{hold:.9g}") for hold in instants.hold], strict=True))
-        designs = {key: self._design(model.systems[key[0]], self._gains.gains[key[1]], key[2]) for key in dict.fromkeys(keys)}
-        return OutputFeedbackLaw(mean_feedforward(self._nominal, instants), x_ref, expected, [designs[key] for key in keys])
+        designs = {key: self._design(model.systems[key[0]], self.gains.gains[key[1]], key[2]) for key in dict.fromkeys(keys)}
+        return OutputFeedbackLaw(self.mean_feedforward(instants), x_ref, expected, [designs[key] for key in keys])
 
     def _design(self, system: StateSpace, gain: Array, hold: float) -> _Design:
         n, p = system.n_states, system.n_channels

@@ -101,4 +101,4 @@ def _axis_label(kind: str, signal: Signal) -> str:
 def _add_legend(axes: Axes) -> None:
     handles, _ = axes.get_legend_handles_labels()
     if len(handles) > 1:
-        axes.legend(loc="best", ncols=1 if len(handles) < 4 else 2)
+        axes.legend(loc="best", ncols=1 if len(handles) < 4 else 2, frameon=True, framealpha=0.75, edgecolor="none")

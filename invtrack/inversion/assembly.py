@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.inversion.boundary_value import Conditions
-from invtrack.inversion.decay import Departure
 from invtrack.inversion.intervals import Interval, make_interval
 from invtrack.inversion.junctions import junction_conditions
 from invtrack.inversion.pieces import InversePiece, inverse_piece
 from invtrack.lti.propagation import flow
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.lti.zero_dynamics import SplitDynamics
+from invtrack.signals.decay import Departure
 from invtrack.signals.nominal import TwoSidedTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 

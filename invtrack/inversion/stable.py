@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from invtrack.errors import InversionError
 from invtrack.inversion.assembly import Assembly, assemble
 from invtrack.inversion.boundary_value import BoundaryValueSolution, solve
-from invtrack.inversion.decay import decay_time
 from invtrack.inversion.problem import deviation_reference, require_channels, split_each
 from invtrack.inversion.refusals import require_accurate, require_consistent, require_smooth
 from invtrack.lti.switched import as_switched
 from invtrack.signals.certificate import certify
+from invtrack.signals.decay import decay_time
 from invtrack.signals.nominal import NominalTrajectory, TwoSidedTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.errors import InversionError, TrajectoryError
+from invtrack.errors import InversionError
+from invtrack.inversion.problem import deviation_reference, require_channels
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import as_switched
 from invtrack.signals.certificate import certify
 from invtrack.signals.nominal import NominalTrajectory, TwoSidedGenerator, TwoSidedTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
-from invtrack.signals.profiles import constant
 
 Array = NDArray[np.float64]
 
@@ -30,14 +30,8 @@ def static_reference(model: Any, reference: PiecewiseSignal) -> NominalTrajector
     Raises InversionError where some output cannot be held (a zero at s = 0), TrajectoryError for a wrong number of channels.
     """
     plant = as_switched(model)
-    first = plant.systems[0]
-    p = first.n_channels
-    point = first.operating_point
-    if reference.n_channels != p:
-        names = list(first.output_names)
-        raise TrajectoryError(f"the reference has {reference.n_channels} channels, the plant {p} outputs {names}")
-    deviation = reference + constant(-point.y0, at=reference.support[0]) if np.any(point.y0) else reference
-    deviation = deviation.refined(plant.switch_times)
+    require_channels(plant, reference)
+    deviation = deviation_reference(plant, reference)
     edges = deviation.breakpoints
     owner = plant.interval(np.concatenate([[edges[0] - 1.0], (edges[:-1] + edges[1:]) / 2, [edges[-1] + 1.0]]))
     generators: list[TwoSidedGenerator] = []

@@ -1,0 +1,28 @@
+"""The script as a user runs it, with a coarse step to keep it short."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).parents[2] / "sims" / "cantilever_sensors.py"
+
+
+def test_prediction_and_physics_stand_side_by_side(tmp_path: Path) -> None:
+    words = [sys.executable, str(SCRIPT), "--timestep", "0.01", "--no-figures", "--out", str(tmp_path)]
+    finished = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert finished.returncode == 0, finished.stderr
+    assert "the actuator passes on -inf to inf" in finished.stdout
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    cases = summary["cases"]
+    assert set(cases) == {"full_state", "kalman_ideal_sensors", "kalman_noise", "placed_noise", "kalman_coarse"}
+    for numbers in cases.values():
+        assert numbers["measured_max_error"] == pytest.approx(numbers["predicted_max_error"], rel=1e-4)
+        assert numbers["measured_peak_input"] == pytest.approx(numbers["predicted_peak_input"], rel=1e-6)
+    assert cases["full_state"]["max_error"] < cases["kalman_ideal_sensors"]["max_error"] < cases["kalman_noise"]["max_error"]
+    assert cases["kalman_noise"]["max_error"] < 10 * summary["noise"]
+    assert len(list(tmp_path.glob("*.rrd"))) == 5
