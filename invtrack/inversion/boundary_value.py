@@ -106,19 +106,29 @@ def _compress(rows: Array, rhs: Array) -> tuple[Array, Array, float]:
 
 
 def _substitute_back(steps: list[_Step]) -> tuple[list[Array], int]:
-    """Values from the last block to the first; open directions become extra columns, set by least norm over all blocks."""
+    """Values from the last block to the first; open directions become extra columns, set by least norm over all blocks.
+
+    At each block the columns are made orthonormal over all blocks so far, and the particular solution orthogonal to them: directions
+    that grow from block to block would otherwise swamp what is to be found.
+    """
     columns = np.zeros((0, 1))  # v_(k+1): its particular value, then one column per open direction found so far
     blocks: list[Array] = []
+    changes: list[tuple[Array, Array]] = []
     for step in reversed(steps):
         value = -step.coupling @ columns if len(columns) else np.zeros((len(step.fixed), columns.shape[1]))
         value[:, 0] += step.fixed
-        columns = np.hstack([value, step.free])
+        value = np.hstack([value, step.free])
+        known, total = columns.shape[1] - 1, value.shape[1] - 1
+        # Over the earlier blocks the columns are orthonormal, the new ones zero, and the particular solution orthogonal to both.
+        Q, R = np.linalg.qr(np.vstack([np.eye(known, total), value[:, 1:]]))
+        shift = -scipy.linalg.solve_triangular(R, Q[known:].T @ value[:, 0]) if total else np.zeros(0)
+        basis = scipy.linalg.solve_triangular(R, np.eye(total)) if total else np.zeros((0, 0))
+        columns = np.column_stack([value[:, 0] + value[:, 1:] @ shift, value[:, 1:] @ basis])
         blocks.append(columns)
-    blocks.reverse()
-    freedom = blocks[0].shape[1] - 1
-    weights = np.zeros(1 + freedom)
-    weights[0] = 1.0
-    if freedom:
-        padded = np.vstack([np.pad(block, ((0, 0), (0, 1 + freedom - block.shape[1]))) for block in blocks])
-        weights[1:] = np.linalg.lstsq(padded[:, 1:], -padded[:, 0])[0]
-    return [block @ weights[: block.shape[1]] for block in blocks], freedom
+        changes.append((shift[:known], basis[:known]))
+    weights = np.zeros(columns.shape[1] - 1)  # least norm: nothing of the orthonormal directions
+    values: list[Array] = []
+    for block, (shift, basis) in zip(reversed(blocks), reversed(changes), strict=True):
+        values.append(block[:, 0] + block[:, 1:] @ weights)
+        weights = shift + basis @ weights
+    return values, columns.shape[1] - 1
