@@ -27,3 +27,17 @@ def cantilever_paper(m_t: float) -> tuple[Array, Array, Array]:
     B = np.concatenate([np.zeros(3), np.linalg.solve(M, [1.0, 0.0, 0.0])])[:, None]
     C = np.eye(6)[[1]]
     return A, B, C
+
+
+# Two-disc torsional rig: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, note on
+# output-trajectory redesign. State (th1, th1', th2, th2'), the order in which the printed A and B belong together; output th2.
+TWO_DISC_A = np.array([[0, 1, 0, 0], [-3.1555, -0.1640, 3.1555, 0.3845], [0, 0, 0, 1], [2.8956, -0.0899, -2.8956, -0.1124]])
+TWO_DISC_B = np.array([[0.0], [1.8139], [0.0], [0.27]])
+TWO_DISC_C = np.array([[0.0, 0.0, 1.0, 0.0]])
+
+# Its printed transfer functions from the motor, highest power of s first. They agree with A, B, C to the rounding of the latter.
+TWO_DISC_DENOMINATOR = np.array([1.0, 0.2765, 6.1041, 0.0, 0.0])
+TWO_DISC_NUMERATORS = {"disc1_angle": np.array([1.8139, 0.3077, 6.1041]), "disc2_angle": np.array([0.27, -0.1187, 6.1041])}
+
+# From the state (th1, th2, th1', th2') of models/two_disc.xml to the printed order.
+NOTE_FROM_MJCF = np.eye(4)[[0, 2, 1, 3]]

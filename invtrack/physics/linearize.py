@@ -66,7 +66,8 @@ def linearize(
     if not allow_nonequilibrium:
         refuse_nonequilibrium(plant, data, equilibrium_tolerance)
     point, measured = plant.operating_point_in(model), data.sensordata[plant.measurement_addresses]
-    derivative = differentiate(_Dynamics(plant, model, data), _steps(plant, model, step))
+    with plant.forces(model):
+        derivative = differentiate(_Dynamics(plant, model, data), _steps(plant, model, step))
     _check(plant, derivative)
     return _assemble(plant, point, measured, derivative)
 

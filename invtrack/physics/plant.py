@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -15,9 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import PlantError
 from invtrack.lti.state_space import OperatingPoint
+from invtrack.physics.callbacks import mujoco_callbacks
 from invtrack.physics.channels import Channel, add_output_sensors, input_channels, output_channels, state_channels
 from invtrack.physics.compilation import compile_spec, load_spec, refuse_hidden_state
 from invtrack.physics.coordinates import state_of
+from invtrack.physics.coupling import VelocityCoupling, require_known_elements, velocity_couplings
 from invtrack.physics.names import listed
 from invtrack.physics.operating_point import Configuration
 from invtrack.physics.parameters import Parameter
@@ -34,7 +37,9 @@ class Plant:
 
     path: the MJCF file. model: the model compiled with the file's parameter values (make a copy with `model_with` before changing
     anything in it). spec: what it was compiled from. configuration: the operating point in MuJoCo's coordinates. inputs, outputs,
-    measurements, states: names, units and addresses. parameters: what each named parameter changes.
+    measurements, states: names, units and addresses. parameters: what each named parameter changes. couplings: forces linear in
+    velocity that the file carries (see `invtrack.physics.coupling`) and MuJoCo applies only within `forces`, in which everything
+    that invtrack computes from the plant takes place.
     """
 
     path: Path
@@ -47,6 +52,7 @@ class Plant:
     states: tuple[Channel, ...] = field(repr=False)
     parameters: Mapping[str, Parameter]
     parameter_units: Mapping[str, str] = field(repr=False)
+    couplings: tuple[VelocityCoupling, ...] = ()
 
     @classmethod
     def from_xml(
@@ -68,14 +74,15 @@ class Plant:
         BodyMass("tip")}. units: SI units that replace those inferred, by the name of an input, output, state or parameter.
         keyframe: the operating point; without it qpos0 at rest with zero controls.
 
-        Raises PlantError for a file that does not compile, unknown names (with those there are), and models whose state is more
-        than (qpos, qvel, act): history buffers, plugins with state, plasticity.
+        Raises PlantError for a file that does not compile, unknown names (with those there are), velocity couplings that do not
+        fit the model, and models whose state is more than (qpos, qvel, act): history buffers, plugins with state, plasticity.
         """
         path = Path(path)
         spec = load_spec(path)
         measurements = outputs if measurements is None else measurements
         add_output_sensors(spec, outputs)
         add_output_sensors(spec, measurements)
+        require_known_elements(spec)
         model = compile_spec(spec, str(path))
         refuse_hidden_state(model)
         parameters = dict(parameters or {})
@@ -94,6 +101,7 @@ class Plant:
             states=state_channels(model),
             parameters=MappingProxyType(parameters),
             parameter_units=MappingProxyType({name: parameter.unit(model) for name, parameter in parameters.items()}),
+            couplings=velocity_couplings(model),
         )
         return plant._with_units(units or {})
 
@@ -212,8 +220,35 @@ class Plant:
         model = self.model if model is None else model
         data = mujoco.MjData(model)
         self.configuration.write(data)
-        mujoco.mj_forward(model, data)
+        with self.forces(model):
+            mujoco.mj_forward(model, data)
         return data
+
+    def forces(self, model: mujoco.MjModel | None = None) -> AbstractContextManager[None]:
+        """A block in which MuJoCo applies the velocity couplings to `model` (from `model_with`), or to the plant's own model.
+
+        Whoever calls mj_forward, mj_step, mj_inverse or mujoco.rollout on a plant's model does so within it:
+
+            model = plant.model_with()
+            data = plant.new_data(model)
+            with plant.forces(model):
+                mujoco.mj_step(model, data)
+
+        The block holds for this model object alone, not for copies of it; blocks for several models and plants may be nested. It
+        works through MuJoCo's passive callback (see `invtrack.physics.callbacks`), of which a model has one at a time. A plant
+        without couplings installs none.
+
+        Raises PlantError for a model that did not come from this plant.
+        """
+        if not self.couplings:
+            return nullcontext()
+        model = self.model if model is None else model
+        self._require_own(model)
+        return mujoco_callbacks(model, passive=self._add_coupling_forces)
+
+    def _add_coupling_forces(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        for coupling in self.couplings:
+            coupling.add_forces(model, data)
 
     def measure(self, data: mujoco.MjData) -> Array:
         """The outputs (p,) in data.sensordata, which is up to date after mj_forward (after mj_step it lags by one step)."""
@@ -237,8 +272,7 @@ class Plant:
         that are negative, not finite, or leave a moving body without mass.
         """
         self._check(values)
-        if model.signature != self.model.signature:
-            raise PlantError(f"expected a model that came from plant {self.name!r} (plant.model_with()), got another one")
+        self._require_own(model)
         for target in (copy.copy(model), model):  # the copy takes any refusal, so that the model itself stays whole
             for name, value in values.items():
                 self.parameters[name].write(target, float(value), reference=self.model)
@@ -255,6 +289,10 @@ class Plant:
         for name, value in values.items():
             self.parameters[name].write_spec(spec, float(value), reference=self.model)
         return compile_spec(spec, f"{self.path} with {dict(values)}")
+
+    def _require_own(self, model: mujoco.MjModel) -> None:
+        if model.signature != self.model.signature:
+            raise PlantError(f"expected a model that came from plant {self.name!r} (plant.model_with()), got another one")
 
     def _check(self, values: Mapping[str, float]) -> None:
         for name, value in values.items():

@@ -14,9 +14,6 @@ _SENSOR_UNITS = {
     "TOUCH": "N",
     "MAGNETOMETER": "T",
     "RANGEFINDER": "m",
-    "TENDONPOS": "m",
-    "TENDONVEL": "m/s",
-    "TENDONACTFRC": "N",
     "BALLANGVEL": "rad/s",
     "FRAMEPOS": "m",
     "FRAMELINVEL": "m/s",
@@ -34,6 +31,8 @@ _SENSOR_UNITS = {
 }
 _JOINT_SENSORS = {"JOINTPOS": "", "JOINTLIMITPOS": "", "JOINTVEL": "/s", "JOINTLIMITVEL": "/s"}
 _JOINT_FORCE_SENSORS = ("JOINTACTFRC", "JOINTLIMITFRC")
+_TENDON_SENSORS = {"TENDONPOS": "", "TENDONLIMITPOS": "", "TENDONVEL": "/s", "TENDONLIMITVEL": "/s"}
+_TENDON_FORCE_SENSORS = ("TENDONACTFRC", "TENDONLIMITFRC")
 _UNKNOWN = "1"
 
 
@@ -42,14 +41,28 @@ def joint_unit(model: mujoco.MjModel, joint: int) -> str:
     return "m" if model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE else "rad"
 
 
+def tendon_unit(model: mujoco.MjModel, tendon: int) -> str:
+    """Unit of a tendon's length: "m"; of a fixed tendon that of its joints (coefficients taken as numbers), "1" where they differ."""
+    first = int(model.tendon_adr[tendon])
+    wraps = range(first, first + int(model.tendon_num[tendon]))
+    if any(model.wrap_type[wrap] != mujoco.mjtWrap.mjWRAP_JOINT for wrap in wraps):
+        return "m"
+    units = {joint_unit(model, int(model.wrap_objid[wrap])) for wrap in wraps}
+    return units.pop() if len(units) == 1 else _UNKNOWN
+
+
 def sensor_unit(model: mujoco.MjModel, sensor: int) -> str:
     """Unit of a sensor's values; "1" where its type does not say."""
     kind = mujoco.mjtSensor(model.sensor_type[sensor]).name.removeprefix("mjSENS_")
-    joint = int(model.sensor_objid[sensor])
+    target = int(model.sensor_objid[sensor])
     if kind in _JOINT_SENSORS:
-        return joint_unit(model, joint) + _JOINT_SENSORS[kind]
+        return joint_unit(model, target) + _JOINT_SENSORS[kind]
     if kind in _JOINT_FORCE_SENSORS:
-        return _force_unit(joint_unit(model, joint))
+        return _force_unit(joint_unit(model, target))
+    if kind in _TENDON_SENSORS:
+        return tendon_unit(model, target) + _TENDON_SENSORS[kind]
+    if kind in _TENDON_FORCE_SENSORS:
+        return _force_unit(tendon_unit(model, target))
     return _SENSOR_UNITS.get(kind, _UNKNOWN)
 
 
@@ -67,7 +80,7 @@ def control_unit(model: mujoco.MjModel, actuator: int) -> str:
     target = int(model.actuator_trnid[actuator, 0])
     transmission = mujoco.mjtTrn(model.actuator_trntype[actuator])
     if transmission == mujoco.mjtTrn.mjTRN_TENDON:
-        return "N"
+        return _force_unit(tendon_unit(model, target))
     if transmission in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
         if model.jnt_type[target] != mujoco.mjtJoint.mjJNT_FREE:
             return _force_unit(joint_unit(model, target))
@@ -77,7 +90,7 @@ def control_unit(model: mujoco.MjModel, actuator: int) -> str:
 
 
 def _force_unit(position_unit: str) -> str:
-    return "N" if position_unit == "m" else "N m"
+    return {"m": "N", "rad": "N m"}.get(position_unit, _UNKNOWN)
 
 
 def _wrench_unit(gear: np.ndarray) -> str:

@@ -91,12 +91,13 @@ class MujocoStepper:
         self.sensors: Array = data.sensordata[first : last + 1]
         self.output_columns = plant.output_addresses - first
         self.measurement_columns = plant.measurement_addresses - first
+        self._forward = self._with_forces(mujoco.mj_forward)
         self.control, self.advance = self._control_and_step(plant.input_addresses)
         self.raw_is_deviation = self.model.nq == self.model.nv and not np.any(self._x0)
 
     def _control_and_step(self, inputs: NDArray[np.intp]) -> tuple[Array, Callable[[], None]]:
         """Where the input is written, and the function that takes a step."""
-        ctrl, step = self.data.ctrl, partial(mujoco.mj_step, self.model, self.data)
+        ctrl, step = self.data.ctrl, self._with_forces(mujoco.mj_step)
         if np.array_equal(inputs, np.arange(inputs[0], inputs[0] + len(inputs))):
             return ctrl[inputs[0] : inputs[-1] + 1], step
         scattered = np.array(ctrl[inputs])
@@ -107,6 +108,18 @@ class MujocoStepper:
 
         return scattered, scatter_and_step
 
+    def _with_forces(self, function: Callable[[mujoco.MjModel, mujoco.MjData], None]) -> Callable[[], None]:
+        """A call of one of MuJoCo's functions, with the plant's couplings in force as long as it runs."""
+        plain = partial(function, self.model, self.data)
+        if not self.plant.couplings:
+            return plain
+
+        def coupled() -> None:
+            with self.plant.forces(self.model):
+                plain()
+
+        return coupled
+
     def enter(self, timestep: float, time: float, parameters: Mapping[str, float]) -> None:
         """Start an interval: length of its steps [s], its time [s], and parameters that change now."""
         self.model.opt.timestep = timestep
@@ -116,7 +129,7 @@ class MujocoStepper:
 
     def refresh(self) -> None:
         """Bring `sensors` up to the present state: after mj_step they are one step old."""
-        mujoco.mj_forward(self.model, self.data)
+        self._forward()
 
     def deviations(self, raw: Array) -> Array:
         """States (k, n), as deviations from the operating point, of raw states (k, nq + nv + na)."""
