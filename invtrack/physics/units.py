@@ -42,7 +42,7 @@ def joint_unit(model: mujoco.MjModel, joint: int) -> str:
 
 
 def tendon_unit(model: mujoco.MjModel, tendon: int) -> str:
-    """Unit of a tendon's length: "m"; of a fixed tendon that of its joints (coefficients taken as numbers), "1" where they differ."""
+    """Unit of a tendon's length: "m"; of a fixed tendon that of its joints, "1" where they differ."""
     first = int(model.tendon_adr[tendon])
     wraps = range(first, first + int(model.tendon_num[tendon]))
     if any(model.wrap_type[wrap] != mujoco.mjtWrap.mjWRAP_JOINT for wrap in wraps):
