@@ -33,6 +33,9 @@ from invtrack.physics.parameters import BodyMass, JointDamping, JointStiffness, 
 from invtrack.physics.plant import Plant
 from invtrack.recording.read import load_recording
 from invtrack.recording.write import save_recording
+from invtrack.redesign.cost import cost
+from invtrack.redesign.prefilter import prefilter
+from invtrack.redesign.quadratic import quadratic_redesign
 from invtrack.runs.result import Event, RunResult, Signal
 from invtrack.signals.export import export_plan
 from invtrack.signals.nominal import Certificate, NominalTrajectory
@@ -75,6 +78,7 @@ __all__ = [
     "TrackingController",
     "autonomous",
     "constant",
+    "cost",
     "export_plan",
     "feasibility",
     "invert",
@@ -90,6 +94,8 @@ __all__ = [
     "piecewise_polynomial",
     "place",
     "preactuation_time",
+    "prefilter",
+    "quadratic_redesign",
     "read_plan",
     "reference_report",
     "relative_degree",

@@ -108,8 +108,8 @@ def _compress(rows: Array, rhs: Array) -> tuple[Array, Array, float]:
 def _substitute_back(steps: list[_Step]) -> tuple[list[Array], int]:
     """Values from the last block to the first; open directions become extra columns, set by least norm over all blocks.
 
-    At each block the columns are made orthonormal over all blocks so far, and the particular solution orthogonal to them: directions
-    that grow from block to block would otherwise swamp what is to be found.
+    At each block the columns are made orthonormal over all blocks so far, and the particular solution orthogonal to them:
+    directions that grow from block to block would otherwise swamp what is to be found.
     """
     columns = np.zeros((0, 1))  # v_(k+1): its particular value, then one column per open direction found so far
     blocks: list[Array] = []

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from invtrack.errors import TrajectoryError
-from invtrack.inversion.decay_stops import decay_stops
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
+from invtrack.signals.decay_stops import decay_stops
 from invtrack.signals.piecewise import PiecewiseSignal
 from invtrack.signals.profiles import constant
 

@@ -119,7 +119,7 @@ class RunResult:
         steps = kept[:-1]
 
         def part(signal: Signal) -> Signal:
-            if not signal.names:
+            if len(signal.values) == 0:
                 return signal
             rows = kept if len(signal.values) == len(self.time) else steps
             return Signal(signal.values[rows], signal.names, signal.units)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -39,3 +41,10 @@ def test_a_signal_is_read_by_name() -> None:
     assert signal["b"].tolist() == [2.0]
     with pytest.raises(KeyError, match="there are: a, b"):
         signal["c"]
+
+
+def test_a_run_without_parameters_is_thinned_alike() -> None:
+    run = two_mode_run()
+    bare = replace(run, parameters=Signal(np.zeros((len(run.time) - 1, 0)), (), ()), parameter_bodies={})
+    thin = bare.thinned(10)
+    assert len(thin.parameters.values) == len(thin.time) - 1

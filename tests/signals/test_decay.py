@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from invtrack.inversion.decay_stops import decay_stops
 from invtrack.signals.decay import Departure, decay_time
+from invtrack.signals.decay_stops import decay_stops
 from invtrack.signals.profiles import autonomous, rest_to_rest, versine
 
 

@@ -1,0 +1,98 @@
+"""Weights of the redesign's cost, constant or varying with frequency."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import InversionError
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+WeightLike = ArrayLike | Callable[[float], ArrayLike]
+
+SYMMETRY_TOLERANCE = 1e-9
+"""Largest departure from W = W* and W(-w) = conj W(w), and most negative eigenvalue, as a share of the weight's norm."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyWeight:
+    """A weight W(w) (k, k), Hermitian, positive semidefinite, W(-w) = conj W(w): a constant, or a function of w [rad/s]."""
+
+    name: str
+    size: int
+    value: Array | Callable[[float], ArrayLike]
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether the weight is the same at all frequencies."""
+        return not callable(self.value)
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether the weight is a constant without any entry."""
+        return not callable(self.value) and not np.any(self.value)
+
+    def at(self, w: float) -> ComplexArray:
+        """W(w) (k, k). Raises InversionError where it is malformed, not Hermitian or not positive semidefinite."""
+        return self._checked(self.value(w) if callable(self.value) else self.value, w)
+
+    def factor(self, w: Array) -> ComplexArray:
+        """F(w) with F*F = W at frequencies w (m,), not negative: (m, k, k)."""
+        if not callable(self.value):
+            return np.broadcast_to(_square_root(self.at(0.0)), (len(w), self.size, self.size))
+        if len(w) == 0:
+            return np.zeros((0, self.size, self.size), dtype=complex)
+        return _square_root(np.stack([self.at(float(frequency)) for frequency in w]))
+
+    def _checked(self, raw: ArrayLike, w: float) -> ComplexArray:
+        where = f" at w = {w:.6g} rad/s" if callable(self.value) else ""
+        expected = f"{self.name} must be a number or a Hermitian positive semidefinite ({self.size}, {self.size}) matrix"
+        try:
+            matrix = np.asarray(raw, dtype=complex)
+        except (TypeError, ValueError) as error:
+            raise InversionError(f"{expected}, or a function of frequency with such values; got {raw!r}{where}") from error
+        matrix = matrix * np.eye(self.size) if matrix.ndim == 0 else matrix
+        if matrix.shape != (self.size, self.size) or not np.all(np.isfinite(matrix)):
+            kind = "entries that are not finite" if matrix.shape == (self.size, self.size) else f"shape {matrix.shape}"
+            raise InversionError(f"{expected}, got {kind}{where}")
+        norm = float(np.linalg.norm(matrix))
+        if np.max(np.abs(matrix - matrix.conj().T)) > SYMMETRY_TOLERANCE * norm:
+            raise InversionError(f"{expected}, got one that differs from its conjugate transpose{where}")
+        smallest = float(np.linalg.eigvalsh(matrix)[0])
+        if smallest < -SYMMETRY_TOLERANCE * norm:
+            raise InversionError(f"{expected}, its smallest eigenvalue is {smallest:.3g}{where}")
+        return matrix
+
+
+def frequency_weight(name: str, value: WeightLike, size: int, probes: Array) -> FrequencyWeight:
+    """A weight, checked at the frequencies `probes` (m,) [rad/s]; a number stands for a multiple of the identity.
+
+    Raises InversionError for a wrong shape, a weight that is not Hermitian positive semidefinite, a constant that is not real, or a
+    function whose values at w and -w are not conjugate (a real trajectory would then have a complex optimum).
+    """
+    if not callable(value):
+        matrix = FrequencyWeight(name, size, value).at(0.0)  # type: ignore[arg-type]  # checked there
+        if np.max(np.abs(matrix.imag)) > SYMMETRY_TOLERANCE * np.linalg.norm(matrix):
+            raise InversionError(
+                f"a constant {name} must be real; a complex one has to be a function with {name}(-w) = conj {name}(w)"
+            )
+        return FrequencyWeight(name, size, np.ascontiguousarray(matrix.real))
+    weight = FrequencyWeight(name, size, value)
+    for w in probes:
+        here, mirrored = weight.at(float(w)), weight.at(-float(w))
+        if np.max(np.abs(mirrored - here.conj())) > SYMMETRY_TOLERANCE * np.linalg.norm(here):
+            raise InversionError(
+                f"{name} must have conjugate values at w and -w so that the redesign is real; at w = {w:.6g} rad/s it has not "
+                "(use |w| in its formula)"
+            )
+    return weight
+
+
+def _square_root(matrices: ComplexArray) -> ComplexArray:
+    values, vectors = np.linalg.eigh(matrices)
+    root: ComplexArray = np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors.conj(), -1, -2)
+    return root

@@ -1,0 +1,97 @@
+"""The three weights of a quadratic redesign, checked where they enter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import InversionError
+from invtrack.lti.switched import SwitchedSystem
+
+Array = NDArray[np.float64]
+
+SYMMETRY_TOLERANCE = 1e-9
+"""Largest share of a weight by which an entry may differ from the one across the diagonal."""
+
+SEMIDEFINITE_TOLERANCE = 1e-12
+"""An eigenvalue counts as zero where it is no larger than this share of its weight, once the weight's diagonal is scaled to one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """u'R u + x'Q_x x + (y - y_d)'Q_y (y - y_d): R (p, p), Q_x (n, n), Q_y (p, p), symmetric and positive semidefinite."""
+
+    R: Array
+    Q_x: Array
+    Q_y: Array
+
+    def rate(self, x: Array, u: Array, error: Array) -> Array:
+        """Cost per second (m,) of states (m, n), inputs (m, p) and output errors (m, p), all as deviations."""
+        pairs = ((u, self.R), (x, self.Q_x), (error, self.Q_y))
+        return np.asarray(sum(np.einsum("mi,ij,mj->m", value, weight, value) for value, weight in pairs))
+
+    def input_weight(self, D: Array) -> Array:
+        """R + D'Q_y D (p, p): everything in the cost that is quadratic in the input itself."""
+        return np.asarray(self.R + D.T @ self.Q_y @ D)
+
+
+def as_weights(plant: SwitchedSystem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: ArrayLike) -> Weights:
+    """Weights for the states, inputs and outputs of `plant`; a number stands for that multiple of the identity.
+
+    Raises InversionError for a weight of the wrong shape, one that is not symmetric or not positive semidefinite, or R + D'Q_y D
+    singular.
+    """
+    system = plant.systems[0]
+    n, p = system.n_states, system.n_channels
+    weights = Weights(
+        R=_weight("R", R, p, f"inputs {list(system.input_names)}"),
+        Q_x=_weight("Q_x", Q_x, n, f"states {list(system.state_names)}"),
+        Q_y=_weight("Q_y", Q_y, p, f"outputs {list(system.output_names)}"),
+    )
+    smallest = min(_smallest_eigenvalue(weights.input_weight(system.D)) for system in plant.systems)
+    if smallest <= SEMIDEFINITE_TOLERANCE:
+        raise InversionError(
+            "R must be positive definite (with a direct feedthrough: R + D'Q_y D), its smallest eigenvalue is "
+            f"{smallest:.3g} of its size: an input that costs nothing may be unbounded; weigh every input, or, to follow the "
+            "output exactly at whatever input it takes, use invtrack.invert"
+        )
+    return weights
+
+
+def _weight(name: str, value: ArrayLike, size: int, meaning: str) -> Array:
+    try:
+        matrix: Array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InversionError(f"{name} must be a number or a matrix of numbers: {error}") from error
+    matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
+    if matrix.shape != (size, size):
+        raise InversionError(f"{name} must be a number or a ({size}, {size}) matrix for the {meaning}, got shape {matrix.shape}")
+    if not np.all(np.isfinite(matrix)):
+        raise InversionError(f"{name} has entries that are not finite")
+    # Entry by entry against its own row and column: the units of the channels may differ by orders of magnitude.
+    size_of = np.sqrt(np.abs(np.diag(matrix)))
+    if np.any(np.abs(matrix - matrix.T) > SYMMETRY_TOLERANCE * (np.outer(size_of, size_of) + np.abs(matrix))):
+        raise InversionError(f"{name} must be symmetric, its halves differ by up to {np.max(np.abs(matrix - matrix.T)):.3g}")
+    matrix = np.asarray((matrix + matrix.T) / 2)
+    smallest = _smallest_eigenvalue(matrix)
+    if smallest < -SEMIDEFINITE_TOLERANCE * size:
+        raise InversionError(f"{name} must be positive semidefinite, its smallest eigenvalue is {smallest:.3g} of its size")
+    return matrix
+
+
+def _smallest_eigenvalue(matrix: Array) -> float:
+    """That of the matrix in units in which its diagonal is one, so that the units of the channels do not matter."""
+    diagonal = np.abs(np.diag(matrix))
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    return float(scipy.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])
+
+
+def square_root(weight: Array) -> Array:
+    """W (p, p) with W'W = weight."""
+    diagonal = np.diag(weight)
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    values, vectors = scipy.linalg.eigh(weight / np.outer(scale, scale))
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * scale)

@@ -1,0 +1,73 @@
+"""Plants, references and brute force for the tests of redesign."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.lti.state_space import StateSpace
+from invtrack.lti.switched import SwitchedSystem, as_switched
+from invtrack.signals.piecewise import PiecewiseSignal, stack
+from invtrack.signals.profiles import rest_to_rest
+
+Array = NDArray[np.float64]
+
+
+def companion(denominator: list[float], numerator: list[float]) -> StateSpace:
+    """numerator / denominator, both ascending, the denominator monic with its leading one left out; strictly proper."""
+    n = len(denominator)
+    A = np.diag(np.ones(n - 1), k=1)
+    A[-1] = -np.array(denominator)
+    C = np.zeros((1, n))
+    C[0, : len(numerator)] = numerator
+    return StateSpace(A, np.eye(n)[:, -1:], C)
+
+
+# Poles -1.2, -0.5 +- 2j; a zero at 2 (nonminimum-phase), or at -2.
+NONMINIMUM = companion([5.1, 5.45, 2.2], [2.0, -1.0])
+MINIMUM = companion([5.1, 5.45, 2.2], [2.0, 1.0])
+# The same with the flexible mode at -0.3 +- 1.5j: what a payload does.
+HEAVIER = companion([2.808, 3.06, 1.8], [2.0, -1.0])
+# Poles 0.4 and -1 +- 1j.
+UNSTABLE = companion([-0.8, 1.2, 1.6], [1.5, -1.0])
+DIRECT = StateSpace(NONMINIMUM.A, NONMINIMUM.B, NONMINIMUM.C, [[0.3]])
+
+# Two-disc torsional rig, state (th1, th1', th2, th2'), output th2: S. Devasia, "Optimal output-trajectory redesign for invertible
+# systems", AIAA J. of Guidance, Control, and Dynamics 19(5), 1996; weights: on input, on the twist th1 - th2, on the output.
+TWO_DISC = StateSpace(
+    [[0, 1, 0, 0], [-3.1555, -0.1640, 3.1555, 0.3845], [0, 0, 0, 1], [2.8956, -0.0899, -2.8956, -0.1124]],
+    [[0], [1.8139], [0], [0.27]],
+    [[0, 0, 1, 0]],
+)
+TWIST = np.array([[1.0, 0.0, -1.0, 0.0]])
+TWO_DISC_WEIGHTS: dict[str, Any] = {"R": 1.0, "Q_x": 5000.0 * TWIST.T @ TWIST, "Q_y": 1.0}
+
+
+def there_and_back(*, size: float = 1.0, start_time: float = 0.0, duration: float = 2.0) -> PiecewiseSignal:
+    """A quintic to `size` and, after a pause of half a duration, back to zero."""
+    there = rest_to_rest(0.0, size, duration, start_time=start_time)
+    return there + rest_to_rest(0.0, -size, duration, start_time=start_time + 1.5 * duration)
+
+
+def two_channels() -> PiecewiseSignal:
+    return stack([there_and_back(), there_and_back(size=-0.6, start_time=0.7, duration=1.5)])
+
+
+def simulated(model: Any, u: Callable[[Array], Array], times: Array) -> Array:
+    """States (m, n) at evenly spaced times from rest, by classical Runge-Kutta steps; switch times must lie on the times."""
+    plant: SwitchedSystem = as_switched(model)
+    h = times[1] - times[0]
+    # One side at each end of a step: inputs may jump at switch times.
+    first, middle, last = u(times[:-1] + 1e-9 * h), u(times[:-1] + h / 2), u(times[1:] - 1e-9 * h)
+    x = np.zeros((len(times), plant.systems[0].n_states))
+    for j, k in enumerate(plant.interval(times[:-1] + h / 2)):
+        A, B = plant.systems[k].A, plant.systems[k].B
+        k_1 = A @ x[j] + B @ first[j]
+        k_2 = A @ (x[j] + h / 2 * k_1) + B @ middle[j]
+        k_3 = A @ (x[j] + h / 2 * k_2) + B @ middle[j]
+        k_4 = A @ (x[j] + h * k_3) + B @ last[j]
+        x[j + 1] = x[j] + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)
+    return x
