@@ -108,7 +108,10 @@ def _run(
     plant: invtrack.Plant, plan: invtrack.NominalTrajectory, gains: invtrack.GainSchedule, name: str, timestep: float
 ) -> invtrack.RunResult:
     controller = invtrack.TrackingController(plan, gains)
-    return invtrack.simulate(plant, controller, timestep=timestep, stop=plan.support[1] + AFTER, name=name)
+    run = invtrack.simulate(plant, controller, timestep=timestep, stop=plan.support[1] + AFTER, name=name)
+    if run.status == "diverged":
+        raise invtrack.InvtrackError(f"case {name!r} diverged ({run.message}); take a smaller --timestep")
+    return run
 
 
 def _measured(exact: invtrack.RunResult, redesigned: invtrack.RunResult) -> dict[str, float]:

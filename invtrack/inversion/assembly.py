@@ -12,7 +12,6 @@ from invtrack.inversion.boundary_value import Conditions
 from invtrack.inversion.intervals import Interval, make_interval
 from invtrack.inversion.junctions import junction_conditions
 from invtrack.inversion.pieces import InversePiece, inverse_piece
-from invtrack.lti.propagation import flow
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.lti.zero_dynamics import SplitDynamics
 from invtrack.signals.decay import Departure
@@ -95,15 +94,14 @@ def assemble(plant: SwitchedSystem, splits: Sequence[SplitDynamics], reference: 
     each jump the state is continuous: C*_(k+1) x = zeta_(k+1) (compatibility) and N_(k+1) x gives the new internal state.
     """
     edges = reference.breakpoints
-    middle = np.concatenate([[edges[0] - 1.0], (edges[:-1] + edges[1:]) / 2, [edges[-1] + 1.0]])
-    owner = plant.interval(middle)
+    owner = plant.interval(reference.inner_times())
     inverses, kind = _inverse_of_each(plant, splits, reference, owner)
     unit = _internal_unit(splits, inverses)
     if unit > 1:
         measured = {id(split): split.in_units_of(unit) for split in splits}
         splits = [measured[id(split)] for split in splits]
         inverses, kind = _inverse_of_each(plant, splits, reference, owner)
-    end_anchors = _end_anchors(reference)
+    end_anchors = reference.end_anchors()
     intervals = [make_interval(_pieces_of(owner, k), splits[k], reference, inverses, kind, end_anchors) for k in range(len(plant))]
     junctions, checks, sizes = [], [], [interval.peak for interval in intervals]
     for k, t in enumerate(plant.switch_times):
@@ -177,14 +175,3 @@ def _zeta_peak(reference: PiecewiseSignal, split: SplitDynamics) -> Array:
     """Largest size over the whole reference of each entry of zeta: at a jump itself it may be passing through zero."""
     sizes = [reference.size(order)[i] for i, r in enumerate(split.internal.form.relative_degree) for order in range(r)]
     return np.array(sizes, dtype=float)
-
-
-def _end_anchors(reference: PiecewiseSignal) -> Array:
-    """The reference's own state w at the end of each piece (of the first piece: its anchor)."""
-    result = reference.anchors.copy()
-    lengths = np.concatenate([[0.0], np.diff(reference.breakpoints), [0.0]])
-    for index, generator in enumerate(reference.generators):
-        chosen = reference.kind == index
-        q = len(generator.S)
-        result[chosen, :q] = flow(generator.S, reference.anchors[chosen, :q], lengths[chosen])
-    return result

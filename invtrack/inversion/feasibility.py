@@ -21,7 +21,7 @@ from invtrack.inversion.assembly import Assembly, assemble
 from invtrack.inversion.boundary_value import BoundaryValueSolution, solve
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
 from invtrack.inversion.junctions import SAME_ROW_TOLERANCE
-from invtrack.inversion.problem import deviation_reference, require_channels
+from invtrack.inversion.problem import require_channels
 from invtrack.inversion.stable import invert
 from invtrack.lti.balancing import balancing_scale
 from invtrack.lti.normal_form import NormalForm, couplings
@@ -29,6 +29,7 @@ from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem, as_switched
 from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
 from invtrack.lti.zero_report import ZeroReport, zero_report
+from invtrack.signals.deviation import deviation_reference
 from invtrack.signals.piecewise import PiecewiseSignal
 
 Array = NDArray[np.float64]

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from invtrack.errors import TrajectoryError
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
-from invtrack.signals.decay_stops import decay_stops
 from invtrack.signals.piecewise import PiecewiseSignal
-from invtrack.signals.profiles import constant
 
 
 def require_channels(plant: SwitchedSystem, reference: PiecewiseSignal) -> None:
@@ -33,10 +29,3 @@ def split_each(plant: SwitchedSystem) -> list[SplitDynamics]:
         if id(system) not in known:
             known[id(system)] = split_dynamics(system, endless=False)
     return [known[id(system)] for system in plant.systems]
-
-
-def deviation_reference(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSignal:
-    """The reference as deviation from the operating point, with breakpoints wherever the inverse needs them."""
-    y_0 = plant.systems[0].operating_point.y0
-    deviation = reference + constant(-y_0, at=reference.support[0]) if np.any(y_0) else reference
-    return deviation.refined([*plant.switch_times, *decay_stops(deviation)])

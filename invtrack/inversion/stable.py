@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import InversionError
-from invtrack.inversion.assembly import Assembly, assemble
-from invtrack.inversion.boundary_value import BoundaryValueSolution, solve
-from invtrack.inversion.problem import deviation_reference, require_channels, split_each
+from invtrack.inversion.assembly import assemble
+from invtrack.inversion.boundary_value import solve
+from invtrack.inversion.problem import require_channels, split_each
 from invtrack.inversion.refusals import require_accurate, require_consistent, require_smooth
 from invtrack.lti.switched import as_switched
 from invtrack.signals.certificate import certify
-from invtrack.signals.decay import decay_time
-from invtrack.signals.nominal import NominalTrajectory, TwoSidedTrajectory
+from invtrack.signals.decay import actuation_times
+from invtrack.signals.deviation import deviation_reference
+from invtrack.signals.nominal import NominalTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -59,7 +60,10 @@ def invert(
     require_consistent(plant, splits, assembly, solution)
     trajectory = assembly.trajectory(solution.values)
     support = (float(trajectory.breakpoints[0]), float(trajectory.breakpoints[-1]))
-    preactuation, postactuation, truncation = _actuation_times(assembly, trajectory, tolerance, max_preactuation)
+    departures = assembly.departures(trajectory)
+    preactuation, postactuation, remarks = actuation_times(trajectory, departures, tolerance, max_preactuation)
+    if solution.freedom:
+        remarks += (f"the bounded inverse is not unique ({solution.freedom} free direction(s)); the one of least norm was taken",)
     certificate = certify(plant, trajectory, deviation, (support[0] - preactuation, support[1] + postactuation))
     if np.any(deviation.size(0) > AT_REST * reference.size(0)):
         require_accurate(certificate, solution)
@@ -73,29 +77,5 @@ def invert(
         postactuation=postactuation,
         tolerance=tolerance,
         certificate=certificate,
-        remarks=_remarks(solution, preactuation, truncation, max_preactuation),
+        remarks=remarks,
     )
-
-
-def _actuation_times(
-    assembly: Assembly, trajectory: TwoSidedTrajectory, tolerance: float, limit: float | None
-) -> tuple[float, float, float]:
-    """Preactuation and postactuation [s], and the share of the peak that is cut off where preactuation is limited."""
-    start, end = trajectory.breakpoints[0], trajectory.breakpoints[-1]
-    times = np.concatenate([np.linspace(start, end, 2001), trajectory.breakpoints]) if end > start else trajectory.breakpoints
-    peak = np.max(np.abs(trajectory(times, trajectory.locate(times))), axis=0)
-    before, after = assembly.departures(trajectory)
-    preactuation = decay_time(before, peak, tolerance)
-    postactuation = decay_time(after, peak, tolerance)
-    if limit is None or preactuation <= limit:
-        return preactuation, postactuation, 0.0
-    return limit, postactuation, before.share_left(limit, peak)
-
-
-def _remarks(solution: BoundaryValueSolution, preactuation: float, truncation: float, limit: float | None) -> tuple[str, ...]:
-    remarks = []
-    if solution.freedom:
-        remarks.append(f"the bounded inverse is not unique ({solution.freedom} free direction(s)); the one of least norm was taken")
-    if truncation:
-        remarks.append(f"preactuation limited to {limit} s: the plan starts {truncation:.1e} of its peak away from rest")
-    return tuple(remarks)

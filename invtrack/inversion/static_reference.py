@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import InversionError
-from invtrack.inversion.problem import deviation_reference, require_channels
+from invtrack.inversion.problem import require_channels
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import as_switched
 from invtrack.signals.certificate import certify
+from invtrack.signals.deviation import deviation_reference
 from invtrack.signals.nominal import NominalTrajectory, TwoSidedGenerator, TwoSidedTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 
@@ -33,7 +34,7 @@ def static_reference(model: Any, reference: PiecewiseSignal) -> NominalTrajector
     require_channels(plant, reference)
     deviation = deviation_reference(plant, reference)
     edges = deviation.breakpoints
-    owner = plant.interval(np.concatenate([[edges[0] - 1.0], (edges[:-1] + edges[1:]) / 2, [edges[-1] + 1.0]]))
+    owner = plant.interval(deviation.inner_times())
     generators: list[TwoSidedGenerator] = []
     known: dict[tuple[int, int], int] = {}
     kind = np.empty(len(owner), dtype=np.intp)

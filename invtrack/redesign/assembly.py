@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.redesign.boundary import join
-from invtrack.redesign.interval import Interval, anchors_at_ends, make_interval, two_sided
+from invtrack.redesign.interval import Interval, make_interval, two_sided
 from invtrack.redesign.optimum import Optimum, optimum
 from invtrack.redesign.weights import Weights
 from invtrack.signals.decay import Departure
@@ -44,7 +44,7 @@ def assemble(plant: SwitchedSystem, reference: PiecewiseSignal, weights: Weights
     known = {id(system): _measured(optimum(system, weights), columns) for system in plant.systems}
     optima = [known[id(system)] for system in plant.systems]
     driven = {key: [two_sided(best, generator) for generator in reference.generators] for key, best in known.items()}
-    edges, end_anchors = reference.breakpoints, anchors_at_ends(reference)
+    edges, end_anchors = reference.breakpoints, reference.end_anchors()
     owner = plant.interval((edges[:-1] + edges[1:]) / 2)
     intervals = [
         make_interval(best, reference, end_anchors, np.flatnonzero(owner == k) + 1, driven[id(system)])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.lti.propagation import Propagator, flow
+from invtrack.lti.propagation import Propagator
 from invtrack.lti.recurrence import forced_states
 from invtrack.redesign.optimum import Optimum
 from invtrack.signals.nominal import TwoSidedGenerator
@@ -91,16 +91,6 @@ def make_interval(
         forced_f=forced_f[:-1],
         forced_b=forced_b[1:],
     )
-
-
-def anchors_at_ends(reference: PiecewiseSignal) -> Array:
-    """The reference's own state w at the end of each piece (of the first piece: its anchor; the last has no end)."""
-    result = reference.anchors.copy()
-    lengths = np.concatenate([[0.0], np.diff(reference.breakpoints), [0.0]])
-    for index, generator in enumerate(reference.generators):
-        chosen, q = reference.kind == index, len(generator.S)
-        result[chosen, :q] = flow(generator.S, reference.anchors[chosen, :q], lengths[chosen])
-    return result
 
 
 def _augmented(A: Array, E: Array, S: Array) -> Array:

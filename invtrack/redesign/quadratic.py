@@ -12,11 +12,10 @@ from invtrack.lti.switched import SwitchedSystem, as_switched
 from invtrack.redesign.assembly import Redesign, assemble
 from invtrack.redesign.weights import Weights, as_weights
 from invtrack.signals.certificate import certify
-from invtrack.signals.decay import decay_time
-from invtrack.signals.decay_stops import decay_stops
+from invtrack.signals.decay import actuation_times
+from invtrack.signals.deviation import deviation_reference
 from invtrack.signals.nominal import Certificate, NominalTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
-from invtrack.signals.profiles import constant
 
 Array = NDArray[np.float64]
 
@@ -66,7 +65,7 @@ def quadratic_redesign(
     deviation = _deviation(plant, reference)
     plan = assemble(plant, deviation, weights)
     _require_free_holding(plant, plan, deviation, weights)
-    preactuation, postactuation, remarks = _actuation_times(plan, tolerance, max_preactuation)
+    preactuation, postactuation, remarks = actuation_times(plan.trajectory, plan.departures, tolerance, max_preactuation)
     support = deviation.support
     certificate = certify(plant, plan.trajectory, deviation, (support[0] - preactuation, support[1] + postactuation))
     _require_accurate(certificate)
@@ -94,9 +93,7 @@ def _deviation(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSi
                 f"the reference goes on moving {when} its first and last breakpoint ({reference.support}), for ever, so the cost "
                 "over all of time is infinite; hold it still there, for instance with invtrack.autonomous(..., start=, end=)"
             )
-    y_0 = plant.systems[0].operating_point.y0
-    deviation = reference + constant(-y_0, at=reference.support[0]) if np.any(y_0) else reference
-    return deviation.refined([*plant.switch_times, *decay_stops(deviation)])
+    return deviation_reference(plant, reference)
 
 
 def _require_free_holding(plant: SwitchedSystem, plan: Redesign, reference: PiecewiseSignal, weights: Weights) -> None:
@@ -113,19 +110,6 @@ def _require_free_holding(plant: SwitchedSystem, plan: Redesign, reference: Piec
                 "compromise; let the reference return to the operating point, take the held value itself as the operating point, "
                 "or give no weight to the states or inputs that holding it takes (a rigid-body motion needs none)"
             )
-
-
-def _actuation_times(plan: Redesign, tolerance: float, limit: float | None) -> tuple[float, float, tuple[str, ...]]:
-    """Preactuation and postactuation [s], and a remark where preactuation is limited."""
-    edges = plan.trajectory.breakpoints
-    times = np.concatenate([np.linspace(edges[0], edges[-1], 2001), edges]) if len(edges) > 1 else edges
-    peak = np.max(np.abs(plan.trajectory(times, plan.trajectory.locate(times))), axis=0)
-    before, after = plan.departures
-    preactuation, postactuation = decay_time(before, peak, tolerance), decay_time(after, peak, tolerance)
-    if limit is None or preactuation <= limit:
-        return preactuation, postactuation, ()
-    share = before.share_left(limit, peak)
-    return limit, postactuation, (f"preactuation limited to {limit} s: the plan starts {share:.1e} of its peak away from rest",)
 
 
 def _require_accurate(certificate: Certificate) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.lti.propagation import flow
+from invtrack.signals.nominal import TwoSidedTrajectory
 
 Array = NDArray[np.float64]
 
@@ -52,3 +53,20 @@ def decay_time(departure: Departure, peak: Array, tolerance: float) -> float:
             break
         horizon = sigma[last] * 2
     return float(sigma[last])
+
+
+def actuation_times(
+    trajectory: TwoSidedTrajectory, departures: tuple[Departure, Departure], tolerance: float, limit: float | None
+) -> tuple[float, float, tuple[str, ...]]:
+    """Preactuation and postactuation [s] of a plan, and a remark where `limit` [s] cuts its preactuation short.
+
+    departures: what dies out before and after the manoeuvre; peaks are those of the trajectory between its breakpoints.
+    """
+    start, end = trajectory.breakpoints[0], trajectory.breakpoints[-1]
+    times = np.concatenate([np.linspace(start, end, SAMPLES + 1), trajectory.breakpoints])
+    peak = np.max(np.abs(trajectory(times, trajectory.locate(times))), axis=0)
+    preactuation, postactuation = (decay_time(departure, peak, tolerance) for departure in departures)
+    if limit is None or preactuation <= limit:
+        return preactuation, postactuation, ()
+    share = departures[0].share_left(limit, peak)
+    return limit, postactuation, (f"preactuation limited to {limit} s: the plan starts {share:.1e} of its peak away from rest",)

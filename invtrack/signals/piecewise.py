@@ -115,8 +115,8 @@ class PiecewiseSignal:
 
     def jumps(self, order: int) -> Array:
         """Jump of the derivative of the stated order at each breakpoint, as a share of that derivative's size: (m + 1, p)."""
-        left = self(self.breakpoints, derivative=order, inside=self._inner_times()[:-1])
-        right = self(self.breakpoints, derivative=order, inside=self._inner_times()[1:])
+        left = self(self.breakpoints, derivative=order, inside=self.inner_times()[:-1])
+        right = self(self.breakpoints, derivative=order, inside=self.inner_times()[1:])
         size = self.size(order)
         return np.abs(right - left) / np.where(size > 0, size, 1.0)
 
@@ -124,7 +124,7 @@ class PiecewiseSignal:
         """Largest value of a derivative over points within the pieces (p,), or what rounding of the lower ones leaves."""
         known = self._sizes
         while len(known) <= order:
-            times, spread = self._inner_times(), np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]]) / 3
+            times, spread = self.inner_times(), np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]]) / 3
             size = np.zeros(self.n_channels)
             for share in (-1.0, 0.0, 1.0):
                 values = self(times + share * spread, derivative=len(known), inside=times)
@@ -145,10 +145,19 @@ class PiecewiseSignal:
                 return order
         return highest
 
-    def _inner_times(self) -> Array:
+    def inner_times(self) -> Array:
         """One time inside each piece: (m + 2,)."""
         ends = self.breakpoints
         return np.concatenate([[ends[0] - 1.0], (ends[:-1] + ends[1:]) / 2, [ends[-1] + 1.0]])
+
+    def end_anchors(self) -> Array:
+        """The generators' states w at the end of each piece; of the first piece its anchor, of the last, which has no end, too."""
+        result = self.anchors.copy()
+        lengths = np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]])
+        for index, generator in enumerate(self.generators):
+            chosen, q = self.kind == index, len(generator.S)
+            result[chosen, :q] = generator.propagator(1.0).states(self.anchors[chosen, :q], lengths[chosen])
+        return result
 
     def shifted(self, delay: float) -> PiecewiseSignal:
         """The same signal `delay` seconds later."""

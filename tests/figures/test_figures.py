@@ -91,7 +91,8 @@ def test_a_diverged_run_can_be_drawn(run: RunResult, tmp_path: Path) -> None:
             comparison_figure([run, broken]),
             preactuation_figure(broken, preactuation_time=0.0),
         ):
-            save_figure(figure, tmp_path / "diverged.png")
+            picture = imread(save_figure(figure, tmp_path / "diverged.png"))
+            assert np.std(picture[..., :3]) > 0.01  # not a blank page
 
 
 def test_png_is_whole_and_at_150_dots_per_inch(run: RunResult, tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from invtrack.signals.decay import Departure, decay_time
-from invtrack.signals.decay_stops import decay_stops
+from invtrack.signals.deviation import decay_stops
 from invtrack.signals.profiles import autonomous, rest_to_rest, versine
 
 

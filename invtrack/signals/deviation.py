@@ -1,11 +1,13 @@
-"""Where a reference with decaying modes has to be cut so that it can be followed backward in time."""
+"""A reference as deviation from a plant's operating point, cut where it has to be so that it can be followed backward in time."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.lti.switched import SwitchedSystem
 from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.signals.profiles import constant
 
 Array = NDArray[np.float64]
 
@@ -25,3 +27,10 @@ def decay_stops(reference: PiecewiseSignal) -> Array:
     long = np.flatnonzero(decay > LARGEST_DECAY)
     stops = [np.linspace(edges[j], edges[j + 1], int(np.ceil(decay[j] / LARGEST_DECAY)) + 1)[1:-1] for j in long]
     return np.concatenate([np.zeros(0), *stops])
+
+
+def deviation_reference(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSignal:
+    """The reference as deviation from the operating point, with breakpoints at the jumps and wherever decaying modes need them."""
+    y_0 = plant.systems[0].operating_point.y0
+    deviation = reference + constant(-y_0, at=reference.support[0]) if np.any(y_0) else reference
+    return deviation.refined([*plant.switch_times, *decay_stops(deviation)])
