@@ -19,6 +19,7 @@ from invtrack.evaluation.metrics import (
     rms_error,
     state_vibration,
 )
+from invtrack.evaluation.run_cost import run_cost
 from invtrack.inversion.feasibility import feasibility
 from invtrack.inversion.stable import invert
 from invtrack.inversion.static_reference import static_reference
@@ -102,6 +103,7 @@ __all__ = [
     "residual_vibration",
     "rest_to_rest",
     "rms_error",
+    "run_cost",
     "sampled_reference",
     "save_recording",
     "simulate",

@@ -1,0 +1,28 @@
+"""The script as a user runs it, with a coarse step to keep it short."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SCRIPT = Path(__file__).parents[2] / "sims" / "cantilever_redesign.py"
+
+
+def test_nothing_that_was_tried_costs_less_than_the_optimum_through_the_jumps(tmp_path: Path) -> None:
+    words = [sys.executable, str(SCRIPT), "--timestep", "0.01", "--no-figures", "--out", str(tmp_path)]
+    finished = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert finished.returncode == 0, finished.stderr
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    costs = {name: numbers["cost"] for name, numbers in summary["cases"].items()}
+    best = costs.pop("redesigned")
+    assert best == pytest.approx(summary["predicted_cost"], rel=1e-4)
+    assert len(costs) >= 20
+    assert min(costs.values()) > best + 1e-4
+    for number in range(1, 7):  # the cost is quadratic around its minimum: either sign of a change costs the same
+        assert costs[f"disturbed_plus_{number}"] - best == pytest.approx(costs[f"disturbed_minus_{number}"] - best, rel=0.05)
+    assert costs["scaled_inversion"] < min(costs["exact_inversion"], costs["not_moving"])
+    assert not list(tmp_path.glob("disturbed*.rrd"))
