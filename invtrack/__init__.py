@@ -32,11 +32,15 @@ from invtrack.physics.linearize import linearize
 from invtrack.physics.model_files import model_path
 from invtrack.physics.parameters import BodyMass, JointDamping, JointStiffness, TendonDamping, TendonStiffness
 from invtrack.physics.plant import Plant
+from invtrack.physics.variants import with_coupling_scaled, with_input_limits
 from invtrack.recording.read import load_recording
 from invtrack.recording.write import save_recording
+from invtrack.redesign.constrained import constrained_redesign
 from invtrack.redesign.cost import cost
+from invtrack.redesign.limits import Limits, StateLimit
 from invtrack.redesign.prefilter import prefilter
 from invtrack.redesign.quadratic import quadratic_redesign
+from invtrack.redesign.trade_off import pareto_sweep
 from invtrack.runs.result import Event, RunResult, Signal
 from invtrack.signals.export import export_plan
 from invtrack.signals.nominal import Certificate, NominalTrajectory
@@ -60,6 +64,7 @@ __all__ = [
     "JointDamping",
     "JointStiffness",
     "KalmanFilter",
+    "Limits",
     "LinearPlant",
     "LuenbergerObserver",
     "Measurement",
@@ -72,6 +77,7 @@ __all__ = [
     "RunResult",
     "Sensor",
     "Signal",
+    "StateLimit",
     "StateSpace",
     "SwitchedSystem",
     "TendonDamping",
@@ -79,6 +85,7 @@ __all__ = [
     "TrackingController",
     "autonomous",
     "constant",
+    "constrained_redesign",
     "cost",
     "export_plan",
     "feasibility",
@@ -91,6 +98,7 @@ __all__ = [
     "metrics",
     "model_path",
     "normal_form",
+    "pareto_sweep",
     "peak_input",
     "piecewise_polynomial",
     "place",
@@ -111,6 +119,8 @@ __all__ = [
     "state_vibration",
     "static_reference",
     "versine",
+    "with_coupling_scaled",
+    "with_input_limits",
     "zero_report",
     "zeros",
 ]

@@ -37,6 +37,10 @@ class BoundednessError(InversionError):
     """The conditions that keep the solution bounded before and after the manoeuvre cannot all be met."""
 
 
+class RedesignError(InvtrackError, ValueError):
+    """No optimal plan exists as asked: weights, limits or a held value; the message says which and what would help."""
+
+
 class ControlError(InvtrackError, ValueError):
     """A gain or controller cannot be designed or does not fit the plant."""
 

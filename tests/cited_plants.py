@@ -41,3 +41,32 @@ TWO_DISC_NUMERATORS = {"disc1_angle": np.array([1.8139, 0.3077, 6.1041]), "disc2
 
 # From the state (th1, th2, th1', th2') of models/two_disc.xml to the printed order.
 NOTE_FROM_MJCF = np.eye(4)[[0, 2, 1, 3]]
+
+# Helicopter in hover, COMPleib example HE3 (F. Leibfritz, "COMPleib: Constraint Matrix-optimization Problem Library", 2004): the
+# published model of the Bell 205 in hover in the same conventions as S. Devasia's example in the NASA report, whose own A is lost
+# in the scan. States U W Q V P R theta phi, inputs collective, longitudinal cyclic, lateral cyclic, tail rotor; outputs U, W, V, R.
+HE3_A = np.array(
+    [
+        [-0.0046, 0.038, 0.3259, -0.0045, -0.402, -0.073, -9.81, 0],
+        [-0.1978, -0.5667, 0.357, -0.0378, -0.2149, 0.5683, 0, 0],
+        [0.0039, -0.0029, -0.2947, 0.007, 0.2266, 0.0148, 0, 0],
+        [0.0133, -0.0014, -0.4076, -0.0654, -0.4093, 0.2674, 0, 9.81],
+        [0.0127, -0.01, -0.8152, -0.0397, -0.821, 0.1442, 0, 0],
+        [-0.0285, -0.0232, 0.1064, 0.0709, -0.2786, -0.7396, 0, 0],
+        [0, 0, 1, 0, 0, 0, 0, 0],
+        [0, 0, 0, 0, 1, 0, 0, 0],
+    ]
+)
+HE3_B = np.array(
+    [
+        [0.0676, 0.1221, -0.0001, -0.0016],
+        [-1.1151, 0.1055, 0.0039, 0.0035],
+        [0.0062, -0.0682, 0.001, -0.0035],
+        [-0.017, 0.0049, 0.1067, 0.1692],
+        [-0.0129, 0.0106, 0.2227, 0.143],
+        [0.139, 0.0059, 0.0326, -0.407],
+        [0, 0, 0, 0],
+        [0, 0, 0, 0],
+    ]
+)
+HE3_C = np.eye(8)[[0, 1, 3, 5]]

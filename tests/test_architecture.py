@@ -21,7 +21,7 @@ ROOMS: dict[str, set[str]] = {
     "lti": {*THEORY},
     "signals": {"lti", *THEORY},
     "inversion": {"lti", "signals", *THEORY},
-    "redesign": {"lti", "signals", *THEORY},
+    "redesign": {"lti", "signals", "clarabel", *THEORY},
     "control": {"lti", "signals", *THEORY},
     "runs": {"rich", "tyro"},
     "physics": {"lti", "mujoco", *THEORY},

@@ -7,6 +7,8 @@ from collections.abc import Container, Iterable, Sequence
 from dataclasses import dataclass
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from invtrack.errors import PlantError
 from invtrack.physics.names import element_id, element_name, element_names, listed
@@ -38,6 +40,14 @@ def _input_channel(model: mujoco.MjModel, name: str, actuators: Container[str]) 
     actuator = element_id(model, "actuator", actuator_name)
     component = _checked_component("actuator", name, component, int(model.actuator_ctrlnum[actuator]))
     return Channel(name, control_unit(model, actuator), int(model.actuator_ctrladr[actuator]) + component)
+
+
+def control_limits(model: mujoco.MjModel, addresses: NDArray[np.intp]) -> NDArray[np.float64]:
+    """Lowest and highest value (p, 2) that the actuators pass on of the controls at these addresses; infinite where unlimited."""
+    limited = model.actuator_ctrllimited[addresses].astype(bool)
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL:
+        limited[:] = False
+    return np.where(limited[:, None], model.actuator_ctrlrange[addresses], np.array([-np.inf, np.inf]))
 
 
 def add_output_sensors(spec: mujoco.MjSpec, outputs: Sequence[str]) -> None:

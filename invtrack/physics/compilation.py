@@ -2,16 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import mujoco
 
 from invtrack.errors import PlantError
 from invtrack.physics.callbacks import callbacks_suspended
+from invtrack.physics.channels import add_output_sensors
+from invtrack.physics.coupling import require_known_elements
 from invtrack.physics.names import element_name, listed
 
 
-def load_spec(path: Path) -> mujoco.MjSpec:
+def load_model(path: Path, *, sensors: Iterable[Sequence[str]]) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
+    """The specification in an MJCF file, with the sensors that these lists of outputs stand for, and the model that it describes.
+
+    Raises PlantError for what does not compile, and for models whose state is more than (qpos, qvel, act).
+    """
+    spec = _load_spec(path)
+    for outputs in sensors:
+        add_output_sensors(spec, outputs)
+    require_known_elements(spec)
+    model = compile_spec(spec, str(path))
+    _refuse_hidden_state(model)
+    return spec, model
+
+
+def _load_spec(path: Path) -> mujoco.MjSpec:
     """The specification in an MJCF file."""
     if not path.is_file():
         raise PlantError(f"there is no file {path}; give the path of an MJCF file, or invtrack.model_path(name) of a shipped model")
@@ -30,7 +47,7 @@ def compile_spec(spec: mujoco.MjSpec, description: str) -> mujoco.MjModel:
         raise PlantError(f"{description} does not compile: {error}") from error
 
 
-def refuse_hidden_state(model: mujoco.MjModel) -> None:
+def _refuse_hidden_state(model: mujoco.MjModel) -> None:
     """Refuse models whose state is more than (qpos, qvel, act), and models that measure nothing."""
     histories = [element_name(model, "actuator", i) for i in range(model.nactuator) if model.actuator_historyadr[i] >= 0]
     histories += [element_name(model, "sensor", i) for i in range(model.nsensor) if model.sensor_historyadr[i] >= 0]

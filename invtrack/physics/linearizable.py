@@ -23,6 +23,9 @@ _ELEMENTS = {
     mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON: ("tendon", "friction of {}"),
 }
 
+LARGEST_ACTION = 1e-8
+"""Below this, relative to the largest derivative in the same row (at least 1), a coordinate does not act on that row."""
+
 
 def refuse_step_maps(model: mujoco.MjModel) -> None:
     """Refuse what makes qacc depend on the time step: then it is no derivative of the state."""
@@ -71,10 +74,10 @@ def refuse_saturation(plant: Plant, model: mujoco.MjModel) -> None:
 
 def refuse_nonequilibrium(plant: Plant, data: mujoco.MjData, tolerance: float) -> None:
     """Refuse an operating point whose x' = (qvel, qacc, act_dot) exceeds the tolerance, naming the largest entries."""
-    residual = np.concatenate([data.qvel, data.qacc, data.act_dot])
+    residual, states = np.concatenate([data.qvel, data.qacc, data.act_dot]), plant.coordinates
     offending = [i for i in np.argsort(-np.abs(residual)) if not abs(residual[i]) <= tolerance]
     if offending:
-        rates = ", ".join(f"{plant.state_names[i]}: {residual[i]:.6g} {plant.state_units[i]} per s" for i in offending[:5])
+        rates = ", ".join(f"{states[i].name}: {residual[i]:.6g} {states[i].unit} per s" for i in offending[:5])
         raise PlantError(
             f"the operating point is no equilibrium: its state changes at the rate {rates}"
             f"{' and more' if len(offending) > 5 else ''} (tolerance {tolerance:g}). Choose the controls and positions that hold it"
@@ -102,6 +105,26 @@ def refuse_kinks(plant: Plant, jacobian: Array, jump: Array, rows: list[str], co
             f"plant {plant.name!r} is not differentiable at the operating point: the derivative of {rows[row]} with respect"
             f" to {columns[column]} jumps by {jump[row, column]:.3g} (a clamp, dead band or switch there, or a nonlinearity finer"
             " than the step). Choose another operating point or a smaller step"
+        )
+
+
+def refuse_acting(plant: Plant, jacobian: Array, error: Array, rows: list[str]) -> None:
+    """Refuse dropped coordinates that act on what is kept.
+
+    jacobian (k, 2 nv + na): derivatives of the rates of the kept states, outputs and measurements, which `rows` names, with respect
+    to all coordinates; error: an estimate of the error of each entry.
+    """
+    scale = np.maximum(1.0, np.max(np.abs(jacobian), axis=1, keepdims=True))
+    acts = np.abs(jacobian) > np.maximum(LARGEST_ACTION * scale, error)
+    found = []
+    for channel in plant.coordinates:
+        if channel.name in plant.dropped and np.any(acts[:, channel.address]):
+            targets = dict.fromkeys(rows[row] for row in np.flatnonzero(acts[:, channel.address]))  # an output may be measured too
+            found.append(f"{channel.name!r} acts on {listed(targets)}")
+    if found:
+        raise PlantError(
+            f"plant {plant.name!r} drops states that act on what is kept: {'; '.join(found)}. Take them out of drop_states, or drop"
+            " what they act on as well"
         )
 
 

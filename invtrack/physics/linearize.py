@@ -11,6 +11,7 @@ from invtrack.lti.state_space import Measurement, OperatingPoint, StateSpace
 from invtrack.physics.coordinates import configuration_of
 from invtrack.physics.finite_differences import Derivative, differentiate
 from invtrack.physics.linearizable import (
+    refuse_acting,
     refuse_constraints,
     refuse_kinks,
     refuse_moving_quaternions,
@@ -34,9 +35,10 @@ def linearize(
 ) -> StateSpace:
     """The linear model x' = A x + B (u - u0), y = y0 + C x + D (u - u0) about the plant's operating point.
 
-    x (n = 2 nv + na,) is the deviation in tangent space; continuous time, whatever integrator the file names. The rows of A that
-    say "position' = velocity" are exact; the others, B, C and D are central differences of mj_forward with Richardson
-    extrapolation, with an estimate of the largest error in each matrix in `error_estimates`.
+    x (n = 2 nv + na,) is the deviation in tangent space, less the coordinates that the plant drops; continuous time, whatever
+    integrator the file names. The rows of A that say "position' = velocity" are exact; the others, B, C and D are central
+    differences of mj_forward with Richardson extrapolation, with an estimate of the largest error in each matrix in
+    `error_estimates`.
 
     step: the smallest perturbation of each state and input: in radians; in metres (for mechanisms smaller than a metre in units of
     their extent); the same per second for velocities; in the unit of each control (times its size at the operating point where that
@@ -45,7 +47,7 @@ def linearize(
 
     Raises PlantError for unequal numbers of inputs and outputs, an operating point that is no equilibrium (unless
     allow_nonequilibrium: its rate is then left out), active constraints, saturated controls, spinning ball or free joints, kinks,
-    and models in which qacc depends on the time step (integrator="discrete").
+    dropped states that act on what is kept, and models in which qacc depends on the time step (integrator="discrete").
     """
     if len(plant.inputs) != len(plant.outputs):
         raise PlantError(
@@ -80,7 +82,7 @@ class _Dynamics:
 
     def __call__(self, deviation: Array) -> Array:
         plant, model, data = self.plant, self.model, self.data
-        x, u = np.split(deviation, [plant.n_states])
+        x, u = np.split(deviation, [len(plant.coordinates)])
         data.qpos[:], data.qvel[:], data.act[:] = configuration_of(model, plant.configuration.x0, x)
         data.ctrl[:] = plant.configuration.ctrl
         data.ctrl[plant.input_addresses] += u
@@ -133,27 +135,35 @@ def _room(value: Array, limits: Array) -> Array:
 
 def _check(plant: Plant, derivative: Derivative) -> None:
     nv = plant.model.nv
-    rows = [f"the rate of {name!r}" for name in plant.state_names[nv:]] + [f"output {name!r}" for name in plant.output_names]
+    rows = [f"the rate of {name!r}" for name in plant.coordinate_names[nv:]] + [f"output {name!r}" for name in plant.output_names]
     rows += [f"measurement {name!r}" for name in plant.measurement_names]
-    columns = [repr(name) for name in (*plant.state_names, *plant.input_names)]
+    columns = [repr(name) for name in (*plant.coordinate_names, *plant.input_names)]
     refuse_kinks(plant, derivative.jacobian, derivative.jump, rows, columns)
 
 
 def _assemble(plant: Plant, point: OperatingPoint, measured: Array, derivative: Derivative) -> StateSpace:
-    nv, n, p = plant.model.nv, plant.n_states, len(plant.inputs)
+    nv, n, p = plant.model.nv, len(plant.coordinates), len(plant.inputs)
     velocity_rows = np.zeros((nv, n + p))
     velocity_rows[:, nv : 2 * nv] = np.eye(nv)
-    blocks = {}
-    for label, bottom, top in (("value", derivative.jacobian, velocity_rows), ("error", derivative.error, np.zeros((nv, n + p)))):
-        rows = np.vstack([top, bottom])
-        blocks[label] = {"A": rows[:n, :n], "B": rows[:n, n:], "C": rows[n : n + p, :n], "D": rows[n : n + p, n:]}
-    measurement_rows = derivative.jacobian[n - nv + p :]
+    jacobian, error = np.vstack([velocity_rows, derivative.jacobian]), np.vstack([np.zeros((nv, n + p)), derivative.error])
+    kept_rows = np.concatenate([plant.state_addresses, np.arange(n, len(jacobian))])
+    jacobian, error = jacobian[kept_rows], error[kept_rows]
+    rows = [repr(name) for name in (*plant.state_names, *plant.output_names, *plant.measurement_names)]
+    refuse_acting(plant, jacobian[:, :n], error[:, :n], rows)
+    kept_columns, n = np.concatenate([plant.state_addresses, np.arange(n, n + p)]), plant.n_states
+    value, largest = _blocks(jacobian[:, kept_columns], n, p), _blocks(error[:, kept_columns], n, p)
+    C_m, D_m = np.split(jacobian[n + p :, kept_columns], [n], axis=1)
     return StateSpace(
-        **blocks["value"],
+        **value,
         state_names=plant.state_names,
         input_names=plant.input_names,
         output_names=plant.output_names,
         operating_point=point,
-        measurement=Measurement(measurement_rows[:, :n], measurement_rows[:, n:], plant.measurement_names, measured),
-        error_estimates={name: float(np.max(error)) for name, error in blocks["error"].items()},
+        measurement=Measurement(C_m, D_m, plant.measurement_names, measured),
+        error_estimates={name: float(np.max(block)) for name, block in largest.items()},
     )
+
+
+def _blocks(rows: Array, n: int, p: int) -> dict[str, Array]:
+    """A, B, C and D out of [A B; C D; ...]."""
+    return {"A": rows[:n, :n], "B": rows[:n, n:], "C": rows[n : n + p, :n], "D": rows[n : n + p, n:]}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,10 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from invtrack.errors import PlantError
 from invtrack.lti.state_space import OperatingPoint
 from invtrack.physics.callbacks import mujoco_callbacks
-from invtrack.physics.channels import Channel, add_output_sensors, input_channels, output_channels, state_channels
-from invtrack.physics.compilation import compile_spec, load_spec, refuse_hidden_state
+from invtrack.physics.channels import control_limits, input_channels, output_channels, state_channels
+from invtrack.physics.compilation import compile_spec, load_model
 from invtrack.physics.coordinates import state_of
-from invtrack.physics.coupling import VelocityCoupling, require_known_elements, velocity_couplings
+from invtrack.physics.coupling import VelocityCoupling, velocity_couplings
+from invtrack.physics.named_channels import NamedChannels, dropped_states, with_units
 from invtrack.physics.names import listed
 from invtrack.physics.operating_point import Configuration
 from invtrack.physics.parameters import Parameter
@@ -29,27 +30,23 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Plant:
+class Plant(NamedChannels):
     """A MuJoCo model seen as a system with inputs u = data.ctrl, outputs y = data.sensordata, and named physical parameters.
 
     The state is x = (tangent of qpos, qvel, act), each as deviation from the operating point; n = 2 nv + na (see
-    `invtrack.physics.coordinates`). Actuators that are not inputs hold their control of the operating point.
+    `invtrack.physics.coordinates`), or less where coordinates are dropped. Actuators that are not inputs hold their control of the
+    operating point.
 
     path: the MJCF file. model: the model compiled with the file's parameter values (make a copy with `model_with` before changing
-    anything in it). spec: what it was compiled from. configuration: the operating point in MuJoCo's coordinates. inputs, outputs,
-    measurements, states: names, units and addresses. parameters: what each named parameter changes. couplings: forces linear in
-    velocity that the file carries (see `invtrack.physics.coupling`) and MuJoCo applies only within `forces`, in which everything
-    that invtrack computes from the plant takes place.
+    anything in it). spec: what it was compiled from. configuration: the operating point in MuJoCo's coordinates. parameters: what
+    each named parameter changes. couplings: forces linear in velocity that the file carries (see `invtrack.physics.coupling`) and
+    MuJoCo applies only within `forces`, in which everything that invtrack computes from the plant takes place.
     """
 
     path: Path
     model: mujoco.MjModel
     spec: mujoco.MjSpec = field(repr=False)
     configuration: Configuration = field(repr=False)
-    inputs: tuple[Channel, ...]
-    outputs: tuple[Channel, ...]
-    measurements: tuple[Channel, ...]
-    states: tuple[Channel, ...] = field(repr=False)
     parameters: Mapping[str, Parameter]
     parameter_units: Mapping[str, str] = field(repr=False)
     couplings: tuple[VelocityCoupling, ...] = ()
@@ -62,6 +59,7 @@ class Plant:
         inputs: Sequence[str],
         outputs: Sequence[str],
         measurements: Sequence[str] | None = None,
+        drop_states: Sequence[str] = (),
         parameters: Mapping[str, Parameter] | None = None,
         units: Mapping[str, str] | None = None,
         keyframe: str | None = None,
@@ -70,21 +68,18 @@ class Plant:
 
         inputs: actuators ("NAME", or "NAME[1]" where one has several controls). outputs: sensors ("NAME", "NAME[1]"), or
         "joint:NAME", "joint:NAME:velocity", "site:NAME:x" (y, z; world coordinates). measurements: what controllers that do not
-        know the state may measure, named like outputs; the outputs unless stated. parameters: for instance {"tip_mass":
-        BodyMass("tip")}. units: SI units that replace those inferred, by the name of an input, output, state or parameter.
-        keyframe: the operating point; without it qpos0 at rest with zero controls.
+        know the state may measure, named like outputs; the outputs unless stated. drop_states: coordinates that act on nothing
+        (where a vehicle stands, its heading), which models and controllers are not to see; the simulation still moves them, and
+        `linearize` refuses where they do act. parameters: for instance {"tip_mass": BodyMass("tip")}. units: SI units that
+        replace those inferred, by the name of an input, output, state or parameter. keyframe: the operating point; without it
+        qpos0 at rest with zero controls.
 
         Raises PlantError for a file that does not compile, unknown names (with those there are), velocity couplings that do not
         fit the model, and models whose state is more than (qpos, qvel, act): history buffers, plugins with state, plasticity.
         """
-        path = Path(path)
-        spec = load_spec(path)
+        path, units = Path(path), dict(units or {})
         measurements = outputs if measurements is None else measurements
-        add_output_sensors(spec, outputs)
-        add_output_sensors(spec, measurements)
-        require_known_elements(spec)
-        model = compile_spec(spec, str(path))
-        refuse_hidden_state(model)
+        spec, model = load_model(path, sensors=(outputs, measurements))
         parameters = dict(parameters or {})
         for name, parameter in parameters.items():
             if not name.isidentifier():
@@ -95,15 +90,17 @@ class Plant:
             model=model,
             spec=spec,
             configuration=Configuration.of_model(model, keyframe),
-            inputs=input_channels(model, inputs),
-            outputs=output_channels(model, outputs),
-            measurements=output_channels(model, measurements),
-            states=state_channels(model),
+            inputs=with_units(input_channels(model, inputs), units),
+            outputs=with_units(output_channels(model, outputs), units),
+            measurements=with_units(output_channels(model, measurements), units),
+            coordinates=with_units(state_channels(model), units),
+            dropped=dropped_states(state_channels(model), drop_states),
             parameters=MappingProxyType(parameters),
-            parameter_units=MappingProxyType({name: parameter.unit(model) for name, parameter in parameters.items()}),
+            parameter_units=MappingProxyType({name: units.get(name, known.unit(model)) for name, known in parameters.items()}),
             couplings=velocity_couplings(model),
         )
-        return plant._with_units(units or {})
+        plant.require_known(units, besides=parameters)
+        return plant
 
     def at(
         self,
@@ -127,73 +124,9 @@ class Plant:
         return str(self.spec.modelname)
 
     @property
-    def n_states(self) -> int:
-        """Number of states 2 nv + na."""
-        return len(self.states)
-
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs."""
-        return tuple(channel.name for channel in self.inputs)
-
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the outputs."""
-        return tuple(channel.name for channel in self.outputs)
-
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the states."""
-        return tuple(channel.name for channel in self.states)
-
-    @property
-    def input_units(self) -> tuple[str, ...]:
-        """Units of the inputs."""
-        return tuple(channel.unit for channel in self.inputs)
-
-    @property
-    def output_units(self) -> tuple[str, ...]:
-        """Units of the outputs."""
-        return tuple(channel.unit for channel in self.outputs)
-
-    @property
-    def state_units(self) -> tuple[str, ...]:
-        """Units of the states."""
-        return tuple(channel.unit for channel in self.states)
-
-    @property
-    def input_addresses(self) -> NDArray[np.intp]:
-        """Where the inputs stand in data.ctrl, (p,)."""
-        return np.array([channel.address for channel in self.inputs], dtype=np.intp)
-
-    @property
-    def output_addresses(self) -> NDArray[np.intp]:
-        """Where the outputs stand in data.sensordata, (p,)."""
-        return np.array([channel.address for channel in self.outputs], dtype=np.intp)
-
-    @property
-    def measurement_names(self) -> tuple[str, ...]:
-        """Names of the measurements."""
-        return tuple(channel.name for channel in self.measurements)
-
-    @property
-    def measurement_units(self) -> tuple[str, ...]:
-        """Units of the measurements."""
-        return tuple(channel.unit for channel in self.measurements)
-
-    @property
-    def measurement_addresses(self) -> NDArray[np.intp]:
-        """Where the measurements stand in data.sensordata, (m,)."""
-        return np.array([channel.address for channel in self.measurements], dtype=np.intp)
-
-    @property
     def input_limits(self) -> Array:
         """Lowest and highest value of each input that its actuator passes on, (p, 2); infinite where it is not limited."""
-        limited = self.model.actuator_ctrllimited[self.input_addresses].astype(bool)
-        if self.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL:
-            limited[:] = False
-        unlimited = np.array([-np.inf, np.inf])
-        return np.where(limited[:, None], self.model.actuator_ctrlrange[self.input_addresses], unlimited)
+        return control_limits(self.model, self.input_addresses)
 
     @property
     def parameter_values(self) -> dict[str, float]:
@@ -256,7 +189,7 @@ class Plant:
 
     def state(self, data: mujoco.MjData) -> Array:
         """The state x (n,) of the data, as deviation from the operating point."""
-        return state_of(self.model, self.configuration.x0, data.qpos, data.qvel, data.act)
+        return state_of(self.model, self.configuration.x0, data.qpos, data.qvel, data.act)[self.state_addresses]
 
     def model_with(self, values: Mapping[str, float] | None = None) -> mujoco.MjModel:
         """A fresh copy of the model with named parameters set; the others as in the file. Raises PlantError like `apply`."""
@@ -300,22 +233,3 @@ class Plant:
                 raise PlantError(f"plant {self.name!r} has no parameter {name!r}; there are: {listed(self.parameters)}")
             if not math.isfinite(value) or value < 0:
                 raise PlantError(f"parameter {name!r} must be finite and not negative [{self.parameter_units[name]}], got {value}")
-
-    def _with_units(self, units: Mapping[str, str]) -> Plant:
-        known = {*self.input_names, *self.output_names, *self.measurement_names, *self.state_names, *self.parameters}
-        unknown = sorted(set(units) - known)
-        if unknown:
-            raise PlantError(f"units are given for {listed(unknown)}; the channels and parameters are: {listed(sorted(known))}")
-
-        def renamed(channels: Iterable[Channel]) -> tuple[Channel, ...]:
-            return tuple(replace(channel, unit=units.get(channel.name, channel.unit)) for channel in channels)
-
-        parameter_units = {name: units.get(name, unit) for name, unit in self.parameter_units.items()}
-        return replace(
-            self,
-            inputs=renamed(self.inputs),
-            outputs=renamed(self.outputs),
-            measurements=renamed(self.measurements),
-            states=renamed(self.states),
-            parameter_units=MappingProxyType(parameter_units),
-        )

@@ -28,7 +28,7 @@ def cost(nominal: NominalTrajectory, *, R: ArrayLike, Q_x: ArrayLike = 0.0, Q_y:
     nominal: the plan of any method. Weights as in `quadratic_redesign`. Infinite where the plan goes on costing something before
     its start or after its end; otherwise what lies there is below the plan's tolerance, unless its preactuation was limited.
 
-    Raises InversionError for weights that do not fit the plan's model.
+    Raises RedesignError for weights that do not fit the plan's model.
     """
     weights = as_weights(nominal.model, R=R, Q_x=Q_x, Q_y=Q_y)
     edges = _edges(nominal)

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.errors import InversionError, TrajectoryError
+from invtrack.errors import RedesignError, TrajectoryError
 from invtrack.lti.switched import as_switched
-from invtrack.redesign.fourier_window import FourierWindow
-from invtrack.redesign.frequency_response import FrequencyResponse, OptimalResponse, factoring_gain, time_scales
-from invtrack.redesign.frequency_weights import WeightLike, frequency_weight
-from invtrack.redesign.impulse import ImpulseResponse, impulse_samples, require_strictly_proper
-from invtrack.redesign.reference_spectrum import held_values, rate_spectrum
-from invtrack.redesign.refinement import refine
+from invtrack.redesign.frequency.fourier_window import FourierWindow
+from invtrack.redesign.frequency.impulse import ImpulseResponse, impulse_samples, require_strictly_proper
+from invtrack.redesign.frequency.reference_spectrum import held_values, rate_spectrum
+from invtrack.redesign.frequency.refinement import refine
+from invtrack.redesign.frequency.response import FrequencyResponse, OptimalResponse, factoring_gain, time_scales
+from invtrack.redesign.frequency.weights import WeightLike, frequency_weight
 from invtrack.signals.piecewise import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -66,7 +66,7 @@ class Prefilter:
     def frequency_response(self, w: ArrayLike) -> FrequencyResponse:
         """G_u (m, p, p), G_xu (m, n, p), G_f (m, p, p) at frequencies w (m,) [rad/s] of either sign, poles of the plant included.
 
-        Raises TrajectoryError for frequencies that are not finite, InversionError where the optimum is not unique.
+        Raises TrajectoryError for frequencies that are not finite, RedesignError where the optimum is not unique.
         """
         frequencies = _finite("frequencies", w)
         above = self.response(np.abs(frequencies))
@@ -76,14 +76,14 @@ class Prefilter:
     def input_change(self, w: ArrayLike) -> ComplexArray:
         """G_v (m, p, p), the change of input against exact inversion: u_opt = u_ff + G_v y_d, G_v = G_u - G_y^-1.
 
-        Source: Devasia 1996 (AIAA note), eq. 3. Raises InversionError at a zero of the plant on the imaginary axis.
+        Source: Devasia 1996 (AIAA note), eq. 3. Raises RedesignError at a zero of the plant on the imaginary axis.
         """
         frequencies = _finite("frequencies", w)
         model, (M, N_x, N_y) = self.response.model, self.response.factors(frequencies)
         terms = np.max(np.abs(model.C) @ np.abs(N_x) + np.abs(model.D) @ np.abs(M), axis=(1, 2))
         share = np.linalg.svd(N_y, compute_uv=False)[:, -1] / terms
         if np.min(share) < ZERO_TOLERANCE:
-            raise InversionError(
+            raise RedesignError(
                 f"the plant has a zero at w = {frequencies[int(np.argmin(share))]:.6g} rad/s, where exact inversion has no bounded "
                 "input; ask for other frequencies, or use frequency_response, which is regular there"
             )
@@ -92,7 +92,7 @@ class Prefilter:
     def impulse_response(self, times: ArrayLike | None = None, *, tolerance: float = 1e-4) -> ImpulseResponse:
         """The kernels g_u, g_x, g_f (y_opt = g_f * y_d, by convolution) at times (m,) [s], by default over all of the window.
 
-        Raises InversionError where `tolerance`, the largest truncation error as a share of each peak, cannot be met, and where a
+        Raises RedesignError where `tolerance`, the largest truncation error as a share of each peak, cannot be met, and where a
         kernel contains an impulse itself (D not zero, or R = 0), for which there are no samples.
         """
         require_strictly_proper(self.response, self.bandwidth)
@@ -109,10 +109,10 @@ class Prefilter:
     def preview_time(self, level: float = 0.01) -> float:
         """How long [s] before the reference the input has to start: before that its kernel stays below `level` of its peak.
 
-        Raises InversionError for a level outside 0 ... 1, and as `impulse_response` does.
+        Raises RedesignError for a level outside 0 ... 1, and as `impulse_response` does.
         """
         if not 0 < level < 1:
-            raise InversionError(f"level must lie between 0 and 1, got {level}")
+            raise RedesignError(f"level must lie between 0 and 1, got {level}")
         return self.impulse_response(tolerance=min(1e-3, level / 10)).preview_time(level)
 
     def apply(
@@ -123,7 +123,7 @@ class Prefilter:
         The rate of the reference is filtered and the result integrated, with the change over all of time known from the response at
         w = 0: a reference that ends elsewhere than it began is not wrapped around.
 
-        Raises TrajectoryError for a reference of other channels or not at rest outside its support; InversionError where holding
+        Raises TrajectoryError for a reference of other channels or not at rest outside its support; RedesignError where holding
         its first or last value costs something for ever, and where `tolerance` cannot be met.
         """
         model = self.response.model
@@ -153,7 +153,7 @@ class Prefilter:
     def _reach(self, tolerance: float) -> float:
         """Distance [s] over which the slowest pole decays to less than the tolerance."""
         if not 0 < tolerance < 1:
-            raise InversionError(f"tolerance must lie between 0 and 1, got {tolerance}")
+            raise RedesignError(f"tolerance must lie between 0 and 1, got {tolerance}")
         return float((np.log(1 / tolerance) + 4.0) / self.decay_rate)
 
     def _groups(self) -> list[int]:
@@ -167,7 +167,7 @@ class Prefilter:
         for side, h in zip(("first", "last"), held, strict=True):
             cost, size = float(h @ Q_y @ (h - G_f @ h)), float(h @ Q_y @ h)
             if cost > FREE_HOLDING * size:
-                raise InversionError(
+                raise RedesignError(
                     f"holding the reference's {side} value for ever costs {cost:.3g} per second (G_f(0) is "
                     f"{np.round(G_f, 6).tolist()}, not 1), so the cost over all of time diverges; let the reference start and end "
                     "at the operating point's output, or give no weight at w = 0 to what holding needs"
@@ -187,12 +187,12 @@ def prefilter(
     Source: Devasia, "Optimal output-trajectory redesign for invertible systems", J. Guidance, Control, and Dynamics 19(5), 1996,
     lemma.
 
-    Raises InversionError for a plant that jumps, one that cannot be stabilized, malformed weights, and weights that leave an
+    Raises RedesignError for a plant that jumps, one that cannot be stabilized, malformed weights, and weights that leave an
     undamped mode free; ModelError for a malformed model.
     """
     plant = as_switched(model)
     if len(plant) > 1:
-        raise InversionError(f"a prefilter needs a plant that stays the same, this one has {len(plant)} intervals; use redesign")
+        raise RedesignError(f"a prefilter needs a plant that stays the same, this one has {len(plant)} intervals; use redesign")
     system = plant.systems[0]
     n, p = system.n_states, system.n_channels
     K = factoring_gain(system, stabilizing_gain)

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.errors import InversionError, TrajectoryError
+from invtrack.errors import RedesignError, TrajectoryError
 from invtrack.lti.switched import SwitchedSystem, as_switched
-from invtrack.redesign.assembly import Redesign, assemble
+from invtrack.redesign.optimal.assembly import Redesign, assemble
 from invtrack.redesign.weights import Weights, as_weights
 from invtrack.signals.certificate import certify
 from invtrack.signals.decay import actuation_times
@@ -48,13 +48,13 @@ def quadratic_redesign(
     squared); a number stands for that multiple of the identity. With Q_y = 0 the optimum is not to move. tolerance,
     max_preactuation [s]: as in `invert`.
 
-    Raises TrajectoryError (wrong number of channels, a reference that does not hold still before and after), InversionError
+    Raises TrajectoryError (wrong number of channels, a reference that does not hold still before and after), RedesignError
     (options or weights out of range; holding an end value would cost input for ever, so that the cost is infinite; a mode that
     the cost does not see or the input does not reach). Source: S. Devasia, "Optimal output-trajectory redesign for invertible
     systems", AIAA J. of Guidance, Control, and Dynamics 19(5), 1996 (frequency domain; here the same optimum in time).
     """
     if not 0 < tolerance < 1 or (max_preactuation is not None and not max_preactuation >= 0):
-        raise InversionError(
+        raise RedesignError(
             f"tolerance must lie between 0 and 1 and max_preactuation must not be negative, got {tolerance} and {max_preactuation}"
         )
     plant = as_switched(model)
@@ -97,14 +97,14 @@ def _deviation(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSi
 
 
 def _require_free_holding(plant: SwitchedSystem, plan: Redesign, reference: PiecewiseSignal, weights: Weights) -> None:
-    """Raises InversionError where the plan goes on costing something at rest before or after the manoeuvre."""
+    """Raises RedesignError where the plan goes on costing something at rest before or after the manoeuvre."""
     n, p = plant.systems[0].n_states, plant.systems[0].n_channels
     for wanted, values, when in zip(plan.held, plan.held_values, ("before", "after"), strict=True):
         staying_away = float(np.abs(wanted) @ np.abs(weights.Q_y) @ np.abs(wanted))
         x, u, y = np.split(values[np.newaxis], [n, n + p], axis=1)
         rate = float(weights.rate(x, u, y - wanted)[0])
         if rate > FREE_HOLDING * staying_away:
-            raise InversionError(
+            raise RedesignError(
                 f"the cost is infinite: {when} the manoeuvre the outputs {list(plant.systems[0].output_names)} are to be held at "
                 f"{wanted.tolist()} (from the operating point) for ever, which costs {rate:.3g} per second even at the best "
                 "compromise; let the reference return to the operating point, take the held value itself as the operating point, "
@@ -115,7 +115,7 @@ def _require_free_holding(plant: SwitchedSystem, plan: Redesign, reference: Piec
 def _require_accurate(certificate: Certificate) -> None:
     worst = max(certificate.dynamics_residual, certificate.continuity)
     if not worst <= ACCURACY:
-        raise InversionError(
+        raise RedesignError(
             f"the redesign is too ill-conditioned to be trusted: the plan misses the plant's equations by {worst:.1e} of its size "
             f"({certificate}); look for inputs or states in badly chosen units, or bring the weights closer to each other"
         )

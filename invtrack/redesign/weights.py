@@ -8,7 +8,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.errors import InversionError
+from invtrack.errors import RedesignError
 from invtrack.lti.switched import SwitchedSystem
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ class Weights:
 def as_weights(plant: SwitchedSystem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: ArrayLike) -> Weights:
     """Weights for the states, inputs and outputs of `plant`; a number stands for that multiple of the identity.
 
-    Raises InversionError for a weight of the wrong shape, one that is not symmetric or not positive semidefinite, or R + D'Q_y D
+    Raises RedesignError for a weight of the wrong shape, one that is not symmetric or not positive semidefinite, or R + D'Q_y D
     singular.
     """
     system = plant.systems[0]
@@ -53,7 +53,7 @@ def as_weights(plant: SwitchedSystem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: Arra
     )
     smallest = min(_smallest_eigenvalue(weights.input_weight(system.D)) for system in plant.systems)
     if smallest <= SEMIDEFINITE_TOLERANCE:
-        raise InversionError(
+        raise RedesignError(
             "R must be positive definite (with a direct feedthrough: R + D'Q_y D), its smallest eigenvalue is "
             f"{smallest:.3g} of its size: an input that costs nothing may be unbounded; weigh every input, or, to follow the "
             "output exactly at whatever input it takes, use invtrack.invert"
@@ -65,20 +65,20 @@ def _weight(name: str, value: ArrayLike, size: int, meaning: str) -> Array:
     try:
         matrix: Array = np.asarray(value, dtype=float)
     except (TypeError, ValueError) as error:
-        raise InversionError(f"{name} must be a number or a matrix of numbers: {error}") from error
+        raise RedesignError(f"{name} must be a number or a matrix of numbers: {error}") from error
     matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
     if matrix.shape != (size, size):
-        raise InversionError(f"{name} must be a number or a ({size}, {size}) matrix for the {meaning}, got shape {matrix.shape}")
+        raise RedesignError(f"{name} must be a number or a ({size}, {size}) matrix for the {meaning}, got shape {matrix.shape}")
     if not np.all(np.isfinite(matrix)):
-        raise InversionError(f"{name} has entries that are not finite")
+        raise RedesignError(f"{name} has entries that are not finite")
     # Entry by entry against its own row and column: the units of the channels may differ by orders of magnitude.
     size_of = np.sqrt(np.abs(np.diag(matrix)))
     if np.any(np.abs(matrix - matrix.T) > SYMMETRY_TOLERANCE * (np.outer(size_of, size_of) + np.abs(matrix))):
-        raise InversionError(f"{name} must be symmetric, its halves differ by up to {np.max(np.abs(matrix - matrix.T)):.3g}")
+        raise RedesignError(f"{name} must be symmetric, its halves differ by up to {np.max(np.abs(matrix - matrix.T)):.3g}")
     matrix = np.asarray((matrix + matrix.T) / 2)
     smallest = _smallest_eigenvalue(matrix)
     if smallest < -SEMIDEFINITE_TOLERANCE * size:
-        raise InversionError(f"{name} must be positive semidefinite, its smallest eigenvalue is {smallest:.3g} of its size")
+        raise RedesignError(f"{name} must be positive semidefinite, its smallest eigenvalue is {smallest:.3g} of its size")
     return matrix
 
 

@@ -84,7 +84,7 @@ class MujocoStepper:
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         self.data = data = plant.new_data(self.model)
         self._x0 = plant.operating_point_in(self.model).x0
-        data.qpos[:], data.qvel[:], data.act[:] = configuration_of(self.model, self._x0, x)
+        data.qpos[:], data.qvel[:], data.act[:] = configuration_of(self.model, self._x0, plant.coordinates_of(x))
         self.state: tuple[Array, ...] = (data.qpos, data.qvel, data.act) if self.model.na else (data.qpos, data.qvel)
         columns = np.concatenate([plant.output_addresses, plant.measurement_addresses])
         first, last = int(columns.min()), int(columns.max())
@@ -93,7 +93,8 @@ class MujocoStepper:
         self.measurement_columns = plant.measurement_addresses - first
         self._forward = self._with_forces(mujoco.mj_forward)
         self.control, self.advance = self._control_and_step(plant.input_addresses)
-        self.raw_is_deviation = self.model.nq == self.model.nv and not np.any(self._x0)
+        self._kept = slice(None) if not plant.dropped else plant.state_addresses
+        self.raw_is_deviation = self.model.nq == self.model.nv and not np.any(self._x0) and not plant.dropped
 
     def _control_and_step(self, inputs: NDArray[np.intp]) -> tuple[Array, Callable[[], None]]:
         """Where the input is written, and the function that takes a step."""
@@ -135,12 +136,12 @@ class MujocoStepper:
         """States (k, n), as deviations from the operating point, of raw states (k, nq + nv + na)."""
         nq, nv = self.model.nq, self.model.nv
         if nq == nv:
-            return raw - self._x0
+            return np.asarray((raw - self._x0)[:, self._kept])
         result = np.empty((len(raw), 2 * nv + self.model.na))
         for row, out in zip(raw, result, strict=True):
             mujoco.mj_differentiatePos(self.model, out[:nv], 1.0, self._x0[:nq], row[:nq])
         result[:, nv:] = raw[:, nq:] - self._x0[nq:]
-        return result
+        return np.asarray(result[:, self._kept])
 
     def positions(self, raw: Array) -> Array:
         """qpos (k, nq) of raw states (k, nq + nv + na)."""

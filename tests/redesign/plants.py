@@ -12,6 +12,8 @@ from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem, as_switched
 from invtrack.signals.piecewise import PiecewiseSignal, stack
 from invtrack.signals.profiles import rest_to_rest
+from tests.cited_plants import TWO_DISC_A, TWO_DISC_B, TWO_DISC_C
+from tests.lti.random_plants import block, plant_with
 
 Array = NDArray[np.float64]
 
@@ -34,14 +36,20 @@ HEAVIER = companion([2.808, 3.06, 1.8], [2.0, -1.0])
 # Poles 0.4 and -1 +- 1j.
 UNSTABLE = companion([-0.8, 1.2, 1.6], [1.5, -1.0])
 DIRECT = StateSpace(NONMINIMUM.A, NONMINIMUM.B, NONMINIMUM.C, [[0.3]])
+# The input's gain jumps, so the best input does too.
+STRONGER = SwitchedSystem([NONMINIMUM, StateSpace(HEAVIER.A, 1.5 * HEAVIER.B, HEAVIER.C)], [1.25])
+
+# Two inputs and outputs of relative degrees 1 and 2, with full weights.
+FULL = plant_with(np.random.default_rng(4), (1, 2), block(0.8, -1.0 + 2j))
+FULL_WEIGHTS: dict[str, Any] = {
+    "R": np.array([[0.5, 0.1], [0.1, 0.2]]),
+    "Q_x": np.diag([0.0, 0.2, 0.0, 0.1, 0.3, 0.0]),
+    "Q_y": np.array([[5.0, -2.0], [-2.0, 3.0]]),
+}
 
 # Two-disc torsional rig, state (th1, th1', th2, th2'), output th2: S. Devasia, "Optimal output-trajectory redesign for invertible
 # systems", AIAA J. of Guidance, Control, and Dynamics 19(5), 1996; weights: on input, on the twist th1 - th2, on the output.
-TWO_DISC = StateSpace(
-    [[0, 1, 0, 0], [-3.1555, -0.1640, 3.1555, 0.3845], [0, 0, 0, 1], [2.8956, -0.0899, -2.8956, -0.1124]],
-    [[0], [1.8139], [0], [0.27]],
-    [[0, 0, 1, 0]],
-)
+TWO_DISC = StateSpace(TWO_DISC_A, TWO_DISC_B, TWO_DISC_C)
 TWIST = np.array([[1.0, 0.0, -1.0, 0.0]])
 TWO_DISC_WEIGHTS: dict[str, Any] = {"R": 1.0, "Q_x": 5000.0 * TWIST.T @ TWIST, "Q_y": 1.0}
 

@@ -11,7 +11,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from invtrack.errors import InversionError, TrajectoryError
+from invtrack.errors import RedesignError, TrajectoryError
 from invtrack.lti.state_space import OperatingPoint, StateSpace
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.redesign.prefilter import Prefilter, prefilter
@@ -276,7 +276,7 @@ def test_inputs_and_outputs_are_absolute() -> None:
 
 def test_holding_that_costs_for_ever_is_refused_but_passing_by_is_not() -> None:
     spring = prefilter(StateSpace([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], [[1.0, 0.0]]), R=1.0, Q_y=1.0)
-    with pytest.raises(InversionError, match=r"holding the reference's last value for ever costs 0\.5 per second"):
+    with pytest.raises(RedesignError, match=r"holding the reference's last value for ever costs 0\.5 per second"):
         spring.apply(rest_to_rest(0.0, 1.0, 2.0))
     assert spring.apply(versine(period=2.0), [0.0, 50.0]).y[1, 0] == pytest.approx(0.0, abs=1e-7)
 
@@ -303,24 +303,24 @@ def test_rounding_of_the_held_value_is_no_cost() -> None:
     ],
 )
 def test_bad_weights_and_gains_are_refused(options: dict, match: str) -> None:
-    with pytest.raises(InversionError, match=match):
+    with pytest.raises(RedesignError, match=match):
         prefilter(OSCILLATOR, **options)
 
 
 def test_plants_without_an_optimum_are_refused() -> None:
-    with pytest.raises(InversionError, match="stays the same, this one has 2 intervals"):
+    with pytest.raises(RedesignError, match="stays the same, this one has 2 intervals"):
         prefilter(SwitchedSystem([OSCILLATOR, OSCILLATOR], [1.0]), R=1.0, Q_y=1.0)
-    with pytest.raises(InversionError, match="cannot be stabilized"):
+    with pytest.raises(RedesignError, match="cannot be stabilized"):
         prefilter(StateSpace(np.diag([1.0, -1.0]), [[0.0], [1.0]], [[0.0, 1.0]]), R=1.0, Q_y=1.0)
     unseen = StateSpace(np.array([[0.0, 1.0, 0], [-4.0, 0.0, 0], [0, 0, -1.0]]), [[0.0], [1.0], [1.0]], [[0.0, 0.0, 1.0]])
-    with pytest.raises(InversionError, match="poles on the imaginary axis"):
+    with pytest.raises(RedesignError, match="poles on the imaginary axis"):
         prefilter(unseen, R=1.0, Q_y=1.0)
 
 
 def test_change_of_input_against_an_inverse_that_does_not_exist_is_refused() -> None:
     notch = prefilter(StateSpace([[0.0, 1.0], [-4.0, -1.0]], [[0.0], [1.0]], [[-3.0, -1.0]], [[1.0]]), R=1.0, Q_y=1.0)  # zero at 1
     assert notch.frequency_response([1.0]).G_f[0, 0, 0] == pytest.approx(0.0, abs=1e-12)
-    with pytest.raises(InversionError, match="zero at w = 1 rad/s"):
+    with pytest.raises(RedesignError, match="zero at w = 1 rad/s"):
         notch.input_change([0.5, 1.0])
 
 
@@ -330,10 +330,10 @@ def test_bad_calls_are_refused() -> None:
         found.apply(stack([versine(), versine()]))
     with pytest.raises(TrajectoryError, match="times must be finite"):
         found.apply(versine(), [np.nan])
-    with pytest.raises(InversionError, match="tolerance must lie between 0 and 1"):
+    with pytest.raises(RedesignError, match="tolerance must lie between 0 and 1"):
         found.apply(versine(), tolerance=0.0)
-    with pytest.raises(InversionError, match="level must lie between 0 and 1"):
+    with pytest.raises(RedesignError, match="level must lie between 0 and 1"):
         found.preview_time(2.0)
     feedthrough = prefilter(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[1.0]]), R=1.0, Q_y=1.0)
-    with pytest.raises(InversionError, match="kernel contains an impulse"):
+    with pytest.raises(RedesignError, match="kernel contains an impulse"):
         feedthrough.impulse_response()

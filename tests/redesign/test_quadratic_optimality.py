@@ -18,9 +18,10 @@ from invtrack.redesign.cost import cost
 from invtrack.redesign.quadratic import quadratic_redesign
 from invtrack.signals.piecewise import PiecewiseSignal
 from invtrack.signals.profiles import rest_to_rest
-from tests.lti.random_plants import block, plant_with
 from tests.redesign.plants import (
     DIRECT,
+    FULL,
+    FULL_WEIGHTS,
     HEAVIER,
     MINIMUM,
     NONMINIMUM,
@@ -104,21 +105,13 @@ def filtered(
     return times, np.fft.irfft(U[:, :, 0], count, axis=0), np.fft.irfft((G_y @ U)[:, :, 0], count, axis=0)
 
 
-FULL = plant_with(np.random.default_rng(4), (1, 2), block(0.8, -1.0 + 2j))
-SKEWED: dict[str, Any] = {
-    "R": np.array([[0.5, 0.1], [0.1, 0.2]]),
-    "Q_x": np.diag([0.0, 0.2, 0.0, 0.1, 0.3, 0.0]),
-    "Q_y": np.array([[5.0, -2.0], [-2.0, 3.0]]),
-}
-
-
 @pytest.mark.parametrize(
     ("system", "reference", "weights"),
     [
         (NONMINIMUM, there_and_back(), WEIGHTS),
         (DIRECT, there_and_back(), WEIGHTS),
         (UNSTABLE, there_and_back(), WEIGHTS),
-        (FULL, two_channels(), SKEWED),
+        (FULL, two_channels(), FULL_WEIGHTS),
     ],
     ids=["nonminimum-phase", "direct", "unstable", "two channels"],
 )

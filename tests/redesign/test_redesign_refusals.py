@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from invtrack.errors import InversionError, InvtrackError, TrajectoryError
+from invtrack.errors import InvtrackError, RedesignError, TrajectoryError
 from invtrack.lti.state_space import StateSpace
 from invtrack.redesign.cost import cost
 from invtrack.redesign.quadratic import quadratic_redesign
@@ -43,20 +43,20 @@ def beside(b: list[float], c: list[float], oscillator: np.ndarray = OSCILLATOR) 
     ],
 )
 def test_options(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(InversionError, match=message):
+    with pytest.raises(RedesignError, match=message):
         quadratic_redesign(NONMINIMUM, there_and_back(), **{**GOOD, **options})
 
 
 def test_a_held_value_that_costs_for_ever() -> None:
-    with pytest.raises(InversionError, match=r"cost is infinite: after the manoeuvre the outputs \['y1'\].*held at \[1\.0\]"):
+    with pytest.raises(RedesignError, match=r"cost is infinite: after the manoeuvre the outputs \['y1'\].*held at \[1\.0\]"):
         quadratic_redesign(NONMINIMUM, rest_to_rest(0.0, 1.0, 2.0), **GOOD)
-    with pytest.raises(InversionError, match="cost is infinite: before the manoeuvre"):
+    with pytest.raises(RedesignError, match="cost is infinite: before the manoeuvre"):
         quadratic_redesign(NONMINIMUM, rest_to_rest(1.0, 0.0, 2.0), **GOOD)
 
 
 def test_a_rigid_body_whose_position_costs() -> None:
     """Input-free holding is not enough: a weight on the position itself goes on costing."""
-    with pytest.raises(InversionError, match="cost is infinite: after"):
+    with pytest.raises(RedesignError, match="cost is infinite: after"):
         quadratic_redesign(TWO_DISC, rest_to_rest(0.0, 1.0, 5.0), **{**TWO_DISC_WEIGHTS, "Q_x": 1.0})
 
 
@@ -74,16 +74,16 @@ def test_channels() -> None:
 
 def test_a_mode_on_the_axis_that_the_cost_does_not_see() -> None:
     model = beside([0.0, 1.0], [0.0, 0.0])
-    with pytest.raises(InversionError, match=r"neither Q_x nor Q_y weighs the mode at .*2j rad/s"):
+    with pytest.raises(RedesignError, match=r"neither Q_x nor Q_y weighs the mode at .*2j rad/s"):
         quadratic_redesign(model, there_and_back(), **GOOD)
     weighed = quadratic_redesign(model, there_and_back(), **GOOD, Q_x=np.diag([0, 0, 0, 1.0, 0]))
     assert weighed.certificate.dynamics_residual < 1e-11
 
 
 def test_a_mode_that_no_input_moves() -> None:
-    with pytest.raises(InversionError, match=r"no input moves the mode at .*2j rad/s"):
+    with pytest.raises(RedesignError, match=r"no input moves the mode at .*2j rad/s"):
         quadratic_redesign(beside([0.0, 0.0], [1.0, 0.0]), there_and_back(), **GOOD)
-    with pytest.raises(InversionError, match=r"no input moves the mode at 0\.1"):
+    with pytest.raises(RedesignError, match=r"no input moves the mode at 0\.1"):
         quadratic_redesign(beside([0.0, 0.0], [1.0, 0.0], OSCILLATOR + 0.1 * np.eye(2)), there_and_back(), **GOOD)
     fading = quadratic_redesign(beside([0.0, 0.0], [1.0, 0.0], OSCILLATOR - 0.1 * np.eye(2)), there_and_back(), **GOOD)
     assert fading.certificate.dynamics_residual < 1e-11

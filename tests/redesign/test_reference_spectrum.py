@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from invtrack.errors import TrajectoryError
-from invtrack.redesign.reference_spectrum import held_values, rate_spectrum
+from invtrack.redesign.frequency.reference_spectrum import held_values, rate_spectrum
 from invtrack.signals.piecewise import PiecewiseSignal, stack
 from invtrack.signals.profiles import autonomous, piecewise_polynomial, rest_to_rest, versine
 from invtrack.signals.sampled import sampled_reference

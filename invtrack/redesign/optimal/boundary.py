@@ -10,7 +10,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
-from invtrack.redesign.interval import Interval
+from invtrack.redesign.optimal.interval import Interval
 
 Array = NDArray[np.float64]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.errors import InversionError
-from invtrack.redesign.fourier_window import FourierWindow
-from invtrack.redesign.frequency_response import OptimalResponse
+from invtrack.errors import RedesignError
+from invtrack.redesign.frequency.fourier_window import FourierWindow
+from invtrack.redesign.frequency.response import OptimalResponse
 
 Array = NDArray[np.float64]
 
@@ -42,10 +42,10 @@ class ImpulseResponse:
 
 
 def require_strictly_proper(response: OptimalResponse, bandwidth: float) -> None:
-    """Raises InversionError where the response does not fall off far above the bandwidth [rad/s]."""
+    """Raises RedesignError where the response does not fall off far above the bandwidth [rad/s]."""
     low, far = (np.max(np.abs(response(bandwidth * np.array(w)).stacked), axis=(0, 2)) for w in ([0.01, 0.1, 1.0], [FAR]))
     if np.any(far > FALLEN * low):
-        raise InversionError(
+        raise RedesignError(
             "the kernel contains an impulse, because the optimum does not fall off at high frequencies (a direct feedthrough D, or "
             "an input that costs nothing there); use apply, which needs no kernel, or give weight R to the input"
         )

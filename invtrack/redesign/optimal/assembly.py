@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem
-from invtrack.redesign.boundary import join
-from invtrack.redesign.interval import Interval, make_interval, two_sided
-from invtrack.redesign.optimum import Optimum, optimum
+from invtrack.redesign.optimal.boundary import join
+from invtrack.redesign.optimal.interval import Interval, make_interval, two_sided
+from invtrack.redesign.optimal.optimum import Optimum, optimum
 from invtrack.redesign.weights import Weights
 from invtrack.signals.decay import Departure
 from invtrack.signals.nominal import TwoSidedGenerator, TwoSidedTrajectory

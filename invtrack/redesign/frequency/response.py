@@ -8,9 +8,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.errors import InversionError
+from invtrack.errors import RedesignError
 from invtrack.lti.state_space import StateSpace
-from invtrack.redesign.frequency_weights import FrequencyWeight
+from invtrack.redesign.frequency.weights import FrequencyWeight
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -59,7 +59,7 @@ class OptimalResponse:
     def __call__(self, w: Array) -> FrequencyResponse:
         """The response at frequencies w (m,), not negative.
 
-        Raises InversionError where the weights leave a direction of the input free, so that the optimum is not unique.
+        Raises RedesignError where the weights leave a direction of the input free, so that the optimum is not unique.
         """
         p, n = self.model.n_channels, self.model.n_states
         if self.Q_y.is_zero:
@@ -69,7 +69,7 @@ class OptimalResponse:
         Q, T = np.linalg.qr(np.concatenate([self.R.factor(w) @ M, self.Q_x.factor(w) @ N_x, F_y @ N_y], axis=1))
         pivots = np.min(np.abs(np.diagonal(T, axis1=1, axis2=2)), axis=1)
         if not np.all(pivots > 0):
-            raise InversionError(
+            raise RedesignError(
                 f"the weights leave an input free at w = {w[int(np.argmin(pivots))]:.6g} rad/s: nothing that it moves costs "
                 "anything, so the optimum is not unique; make R positive definite"
             )
@@ -100,31 +100,31 @@ class OptimalResponse:
 def factoring_gain(model: StateSpace, given: ArrayLike | None = None) -> Array:
     """A gain K (p, n) with A - B K stable: the one given, checked, or one from a Riccati equation with unit weights.
 
-    Raises InversionError where there is none, or the given one does not stabilize.
+    Raises RedesignError where there is none, or the given one does not stabilize.
     """
     n, p = model.n_states, model.n_channels
     if given is None:
         try:
             K = model.B.T @ scipy.linalg.solve_continuous_are(model.A, model.B, np.eye(n), np.eye(p))
         except (np.linalg.LinAlgError, ValueError) as error:
-            raise InversionError(
+            raise RedesignError(
                 f"the plant cannot be stabilized: {error}; a mode on or right of the imaginary axis is out of reach of the inputs "
                 f"{list(model.input_names)}, remove it from the model or choose other inputs"
             ) from error
     else:
         K = np.array(given, dtype=float)
         if K.shape != (p, n) or not np.all(np.isfinite(K)):
-            raise InversionError(f"stabilizing_gain must be a finite ({p}, {n}) matrix for u = -K x, got shape {K.shape}")
+            raise RedesignError(f"stabilizing_gain must be a finite ({p}, {n}) matrix for u = -K x, got shape {K.shape}")
     poles = np.linalg.eigvals(model.A - model.B @ K)
     if np.any(poles.real >= 0):
-        raise InversionError(f"the gain does not stabilize the plant: A - B K has poles {np.round(poles, 6).tolist()}")
+        raise RedesignError(f"the gain does not stabilize the plant: A - B K has poles {np.round(poles, 6).tolist()}")
     return np.asarray(K)
 
 
 def time_scales(response: OptimalResponse, probes: Array) -> tuple[float, float]:
     """Slowest decay [1/s] and fastest pole [rad/s] of the optimum; weights that vary are taken at the frequencies `probes`.
 
-    Raises InversionError where constant weights leave a pole of the optimum on the imaginary axis.
+    Raises RedesignError where constant weights leave a pole of the optimum on the imaginary axis.
     """
     model = response.model
     if response.Q_y.is_zero:
@@ -144,7 +144,7 @@ def time_scales(response: OptimalResponse, probes: Array) -> tuple[float, float]
 def _require_off_axis(poles: ComplexArray) -> None:
     offending = poles[np.abs(poles.real) <= AXIS_TOLERANCE * np.max(np.abs(poles), initial=0.0)]
     if offending.size:
-        raise InversionError(
+        raise RedesignError(
             f"the optimum has poles on the imaginary axis at {np.round(offending, 6).tolist()}: an undamped mode that the weights "
             "leave free, or (R = Q_x = 0) a zero of the plant there; give weight to that mode in Q_x, or to the input in R"
         )

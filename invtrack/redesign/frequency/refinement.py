@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.errors import InversionError
-from invtrack.redesign.fourier_window import FourierWindow
+from invtrack.errors import RedesignError
+from invtrack.redesign.frequency.fourier_window import FourierWindow
 
 Array = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ def refine(
     The error is the largest change at these times when the window is made twice as long plus the one when the bandwidth is doubled,
     relative to the channel's peak over the window; `groups` says how many channels are of one kind (inputs, states, outputs).
 
-    Raises InversionError where it stays above `tolerance` with as many frequencies as are tried.
+    Raises RedesignError where it stays above `tolerance` with as many frequencies as are tried.
     """
     values = samples(window)
     while True:
@@ -40,7 +40,7 @@ def refine(
         if window_error + bandwidth_error <= tolerance:
             return at, here, window_error + bandwidth_error
         if longer.harmonics > MAX_HARMONICS:
-            raise InversionError(
+            raise RedesignError(
                 f"the redesign is truncated by {window_error:.1e} (window of {window.length:.4g} s) and {bandwidth_error:.1e} "
                 f"(bandwidth of {2 * np.pi * window.harmonics / window.length:.4g} rad/s) of its peak, more than the tolerance "
                 f"{tolerance:.1e}, and {MAX_HARMONICS} frequencies are not enough for less; accept a larger tolerance, use a "

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from invtrack.errors import InversionError
+from invtrack.errors import RedesignError
 from invtrack.lti.balancing import balancing_scale
 from invtrack.lti.state_space import StateSpace
 from invtrack.redesign.weights import Weights, square_root
@@ -77,7 +77,7 @@ def optimum(system: StateSpace, weights: Weights) -> Optimum:
     Riccati equation; s' = -A_c's + (C - D K)'Q_y y_d, A_c = A - B K. s drives x; with A_c L + L A_c' = B R_u^-1 B' it no longer
     drives xi = x - L s, and each of the two runs in its own stable direction.
 
-    Raises InversionError where no stabilizing solution exists. Sources: Devasia 1996 (AIAA note on output-trajectory redesign) for
+    Raises RedesignError where no stabilizing solution exists. Sources: Devasia 1996 (AIAA note on output-trajectory redesign) for
     the problem; the solution is the linear-quadratic tracker.
     """
     state_unit, input_unit = _units(system, weights)
@@ -132,14 +132,14 @@ def _require_solvable(A: Array, B: Array, Q: Array, N: Array) -> None:
     """The two conditions for a stabilizing solution, with R_u = 1: stabilizable, and the cost sees every mode on the axis."""
     unmoved = _hidden_mode(A.T, B.T, unstable_too=True)
     if unmoved is not None:
-        raise InversionError(
+        raise RedesignError(
             f"no optimal trajectory: no input moves the mode at {unmoved:.6g} rad/s, which lies on or right of the imaginary axis; "
             "choose inputs that reach it, or leave it out of the model"
         )
     # The input u = -N'x + v makes the cross term vanish; what is left of the cost must see the modes that are left on the axis.
     unseen = _hidden_mode(A - B @ N.T, square_root(Q - N @ N.T), unstable_too=False)
     if unseen is not None:
-        raise InversionError(
+        raise RedesignError(
             f"no optimal trajectory: neither Q_x nor Q_y weighs the mode at {unseen:.6g} rad/s on the imaginary axis, so nothing "
             "brings it back to rest; give it a weight, or leave it out of the model"
         )
@@ -166,8 +166,8 @@ def _riccati(A: Array, B: Array, Q: Array, N: Array) -> Array:
     try:
         P: Array = scipy.linalg.solve_continuous_are(A, B, Q, np.eye(B.shape[1]), s=N)
     except (np.linalg.LinAlgError, ValueError) as error:
-        raise InversionError(f"the Riccati equation of the redesign has no stabilizing solution: {error}; {advice}") from error
+        raise RedesignError(f"the Riccati equation of the redesign has no stabilizing solution: {error}; {advice}") from error
     poles = np.linalg.eigvals(A - B @ (B.T @ P + N.T))
     if not np.max(poles.real) < 0:
-        raise InversionError(f"the optimal feedback does not stabilize: poles {np.round(poles, 6).tolist()}; {advice}")
+        raise RedesignError(f"the optimal feedback does not stabilize: poles {np.round(poles, 6).tolist()}; {advice}")
     return P

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from invtrack.lti.propagation import Propagator
 from invtrack.lti.recurrence import forced_states
-from invtrack.redesign.optimum import Optimum
+from invtrack.redesign.optimal.optimum import Optimum
 from invtrack.signals.nominal import TwoSidedGenerator
 from invtrack.signals.piecewise import Generator, PiecewiseSignal
 

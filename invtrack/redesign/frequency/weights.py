@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.errors import InversionError
+from invtrack.errors import RedesignError
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -37,7 +37,7 @@ class FrequencyWeight:
         return not callable(self.value) and not np.any(self.value)
 
     def at(self, w: float) -> ComplexArray:
-        """W(w) (k, k). Raises InversionError where it is malformed, not Hermitian or not positive semidefinite."""
+        """W(w) (k, k). Raises RedesignError where it is malformed, not Hermitian or not positive semidefinite."""
         return self._checked(self.value(w) if callable(self.value) else self.value, w)
 
     def factor(self, w: Array) -> ComplexArray:
@@ -54,30 +54,30 @@ class FrequencyWeight:
         try:
             matrix = np.asarray(raw, dtype=complex)
         except (TypeError, ValueError) as error:
-            raise InversionError(f"{expected}, or a function of frequency with such values; got {raw!r}{where}") from error
+            raise RedesignError(f"{expected}, or a function of frequency with such values; got {raw!r}{where}") from error
         matrix = matrix * np.eye(self.size) if matrix.ndim == 0 else matrix
         if matrix.shape != (self.size, self.size) or not np.all(np.isfinite(matrix)):
             kind = "entries that are not finite" if matrix.shape == (self.size, self.size) else f"shape {matrix.shape}"
-            raise InversionError(f"{expected}, got {kind}{where}")
+            raise RedesignError(f"{expected}, got {kind}{where}")
         norm = float(np.linalg.norm(matrix))
         if np.max(np.abs(matrix - matrix.conj().T)) > SYMMETRY_TOLERANCE * norm:
-            raise InversionError(f"{expected}, got one that differs from its conjugate transpose{where}")
+            raise RedesignError(f"{expected}, got one that differs from its conjugate transpose{where}")
         smallest = float(np.linalg.eigvalsh(matrix)[0])
         if smallest < -SYMMETRY_TOLERANCE * norm:
-            raise InversionError(f"{expected}, its smallest eigenvalue is {smallest:.3g}{where}")
+            raise RedesignError(f"{expected}, its smallest eigenvalue is {smallest:.3g}{where}")
         return matrix
 
 
 def frequency_weight(name: str, value: WeightLike, size: int, probes: Array) -> FrequencyWeight:
     """A weight, checked at the frequencies `probes` (m,) [rad/s]; a number stands for a multiple of the identity.
 
-    Raises InversionError for a wrong shape, a weight that is not Hermitian positive semidefinite, a constant that is not real, or a
+    Raises RedesignError for a wrong shape, a weight that is not Hermitian positive semidefinite, a constant that is not real, or a
     function whose values at w and -w are not conjugate (a real trajectory would then have a complex optimum).
     """
     if not callable(value):
         matrix = FrequencyWeight(name, size, value).at(0.0)  # type: ignore[arg-type]  # checked there
         if np.max(np.abs(matrix.imag)) > SYMMETRY_TOLERANCE * np.linalg.norm(matrix):
-            raise InversionError(
+            raise RedesignError(
                 f"a constant {name} must be real; a complex one has to be a function with {name}(-w) = conj {name}(w)"
             )
         return FrequencyWeight(name, size, np.ascontiguousarray(matrix.real))
@@ -85,7 +85,7 @@ def frequency_weight(name: str, value: WeightLike, size: int, probes: Array) -> 
     for w in probes:
         here, mirrored = weight.at(float(w)), weight.at(-float(w))
         if np.max(np.abs(mirrored - here.conj())) > SYMMETRY_TOLERANCE * np.linalg.norm(here):
-            raise InversionError(
+            raise RedesignError(
                 f"{name} must have conjugate values at w and -w so that the redesign is real; at w = {w:.6g} rad/s it has not "
                 "(use |w| in its formula)"
             )

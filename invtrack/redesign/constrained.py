@@ -1,0 +1,170 @@
+"""Optimal output-trajectory redesign under hard limits on inputs, their rates, outputs and states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import RedesignError
+from invtrack.lti.switched import as_switched
+from invtrack.redesign.limited.limit_check import ActiveLimit, active_limits
+from invtrack.redesign.limited.tails import Tail, tails_of
+from invtrack.redesign.limited.window import KEPT, LimitedProblem, LimitedSolution, free_excess, solve_limited
+from invtrack.redesign.limits import Bound, Limits, bounds_of
+from invtrack.redesign.quadratic import ACCURACY, quadratic_redesign
+from invtrack.redesign.weights import as_weights
+from invtrack.signals.certificate import certify
+from invtrack.signals.decay import actuation_times
+from invtrack.signals.deviation import deviation_reference
+from invtrack.signals.nominal import NominalTrajectory
+from invtrack.signals.piecewise import PiecewiseSignal
+
+Array = NDArray[np.float64]
+
+METHOD = "constrained redesign"
+
+LEAST_MARGIN = 1e-6
+"""How far inside its limits a plan must be at rest, as a share of their size: a tail that dies out there keeps within them."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConstrainedTrajectory(NominalTrajectory):
+    """A plan with limits. active: the limits that it touches, and when. step [s]: longest over which the input is linear.
+
+    overshoot: largest excess of any limit anywhere, as a share of the limit's size; zero where all are kept. Where no limit is
+    active, step is zero: the plan is the optimum without limits, in closed form.
+    """
+
+    active: tuple[ActiveLimit, ...] = field(default=())
+    overshoot: float = 0.0
+    step: float = 0.0
+
+
+def constrained_redesign(
+    model: Any,
+    reference: PiecewiseSignal,
+    *,
+    R: ArrayLike,
+    Q_x: ArrayLike = 0.0,
+    Q_y: ArrayLike,
+    limits: Limits,
+    step: float | None = None,
+    tolerance: float = 1e-10,
+    max_preactuation: float | None = None,
+) -> ConstrainedTrajectory:
+    """The trajectory of `model` that costs least among those that keep within `limits`, over all of time.
+
+    minimise  integral of (u - u0)'R (u - u0) + x'Q_x x + (y - y_d)'Q_y (y - y_d)
+    subject to  x' = A_k x + B_k (u - u0),  low <= u, u', y, c'x <= high.
+
+    Where the optimum without limits keeps within them it is returned as it is. Otherwise the input is continuous (but for the jumps
+    of B and D) and linear in time over steps within a window around the manoeuvre; before and after the window the plan is the
+    optimum without limits in closed form, whose exact cost is part of the programme, so no horizon is truncated. The window is
+    widened until that part keeps within the limits too; then nothing is lost by leaving them out there. Within a step transitions
+    and costs are exact (matrix exponentials). Inputs and rates keep their limits at every instant, to rounding; states and outputs
+    to 1e-6 of them, checked between the steps' ends, where further instants are imposed as needed. As `step` goes to zero the plan
+    tends to the optimum among all inputs, its cost and its input with an error of order step^2 away from the instants at which a
+    limit begins or ceases to act.
+
+    model, reference, R, Q_x, Q_y, tolerance, max_preactuation: as in `quadratic_redesign`. step [s]: by default such that linear
+    interpolation of the optimal input without limits misses it by 1e-5 of its peak (up to 1e-3 where that takes many steps).
+
+    Raises what `quadratic_redesign` does, and RedesignError for limits that make no sense, that the plan at rest before or after
+    the manoeuvre does not keep, or that cannot be kept all at once: which conflict and how far one has to give way.
+    Method: dual-mode quadratic programming (P. Scokaert, J. Rawlings, "Constrained linear quadratic regulation", IEEE Trans.
+    Automatic Control 43(8), 1998), in continuous time and at both ends.
+    """
+    if step is not None and not (np.isfinite(step) and step > 0):
+        raise RedesignError(f"step must be a positive number of seconds, got {step}")
+    plant = as_switched(model)
+    bounds = bounds_of(limits, plant.systems[0])
+    free = quadratic_redesign(plant, reference, R=R, Q_x=Q_x, Q_y=Q_y, tolerance=tolerance, max_preactuation=max_preactuation)
+    weights = as_weights(plant, R=R, Q_x=Q_x, Q_y=Q_y)
+    (before, v_before), (after, v_after) = tails_of(free.trajectory, weights)
+    _require_rest_within((before, after), bounds)
+    deviation = deviation_reference(plant, reference)
+    problem = LimitedProblem(plant, deviation, weights, bounds, free.trajectory, (before, after), (v_before, v_after))
+    if free_excess(problem) <= KEPT:
+        return _unlimited(free)
+    solution = solve_limited(problem, step)
+    return _plan(problem, solution, reference, tolerance, max_preactuation)
+
+
+def _unlimited(free: NominalTrajectory) -> ConstrainedTrajectory:
+    inherited = {each.name: getattr(free, each.name) for each in fields(NominalTrajectory)}
+    remarks = (*free.remarks, "no limit is active: this is the optimum without limits")
+    return ConstrainedTrajectory(**{**inherited, "method": METHOD, "remarks": remarks})
+
+
+def _plan(
+    problem: LimitedProblem, solution: LimitedSolution, reference: PiecewiseSignal, tolerance: float, limit: float | None
+) -> ConstrainedTrajectory:
+    """The solution with its ends, its certificate and what a user should know."""
+    trajectory, support = solution.trajectory, problem.reference.support
+    preactuation, postactuation, remarks = _actuation_times(problem, solution, tolerance, limit)
+    span = (support[0] - preactuation, support[1] + postactuation)
+    certificate = certify(problem.plant, trajectory, problem.reference, span)
+    worst = max(certificate.dynamics_residual, certificate.continuity)
+    if not worst <= ACCURACY:
+        raise RedesignError(
+            "the limited redesign is too ill-conditioned to be trusted: the plan misses the plant's equations by "
+            f"{worst:.1e} of its size ({certificate}); take a larger step, or bring weights and units closer to each other"
+        )
+    active = active_limits(trajectory, problem.bounds)
+    steps = len(trajectory.breakpoints) - 1
+    return ConstrainedTrajectory(
+        method=METHOD,
+        model=problem.plant,
+        reference=reference,
+        trajectory=trajectory,
+        support=support,
+        preactuation=preactuation,
+        postactuation=postactuation,
+        tolerance=tolerance,
+        certificate=certificate,
+        remarks=(
+            *remarks,
+            f"the input is linear in time over {steps} steps of up to {solution.step:.4g} s",
+            *map(str, active),
+            *([f"a limit is exceeded by {solution.overshoot:.1e} of it between steps"] if solution.overshoot > KEPT else []),
+        ),
+        active=active,
+        overshoot=solution.overshoot,
+        step=solution.step,
+    )
+
+
+def _actuation_times(
+    problem: LimitedProblem, solution: LimitedSolution, tolerance: float, limit: float | None
+) -> tuple[float, float, tuple[str, ...]]:
+    """How long [s] before and after the manoeuvre the plan is away from rest; the window counts as away throughout."""
+    trajectory, (start, end) = solution.trajectory, problem.reference.support
+    edges = trajectory.breakpoints
+    departures = tuple(tail.departure(v) for tail, v in zip(problem.tails, solution.v, strict=True))
+    before, after, _ = actuation_times(trajectory, (departures[0], departures[1]), tolerance, None)
+    preactuation, postactuation = start - edges[0] + before, edges[-1] - end + after
+    if limit is None or preactuation <= limit:
+        return preactuation, postactuation, ()
+    at = np.concatenate([[start - limit], edges])
+    values = np.abs(trajectory(at, trajectory.locate(at)) - np.outer(at < start, problem.tails[0].held))
+    peak = np.max(values, axis=0)
+    share = float(np.max(values[0] / np.where(peak > 0, peak, 1.0)))
+    return limit, postactuation, (f"preactuation limited to {limit} s: the plan starts {share:.1e} of its peak away from rest",)
+
+
+def _require_rest_within(tails: tuple[Tail, Tail], bounds: Sequence[Bound]) -> None:
+    """Raises RedesignError where the plan at rest lies outside a limit, or so near to one that nothing may move there."""
+    for tail, when in zip(tails, ("before", "after"), strict=True):
+        for bound in bounds:
+            rest = 0.0 if bound.kind == "input rate" else float(bound.row @ tail.held)
+            if bound.excess(np.array(rest)) > -LEAST_MARGIN:
+                at, low, high = rest + bound.offset, bound.low + bound.offset, bound.high + bound.offset
+                raise RedesignError(
+                    f"limits that cannot be kept: at rest {when} the manoeuvre {bound.name} is {at:.6g}, expected strictly between "
+                    f"its limits {low:.6g} and {high:.6g} (off by {max(low - at, at - high):.3g}); loosen that limit, or choose "
+                    "another operating point or held value"
+                )

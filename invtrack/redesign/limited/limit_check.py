@@ -1,0 +1,116 @@
+"""Whether a trajectory keeps within limits at every instant, and where it touches them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.lti.propagation import flow
+from invtrack.redesign.limited.tails import Tail
+from invtrack.redesign.limits import Bound
+from invtrack.signals.nominal import TwoSidedTrajectory
+
+Array = NDArray[np.float64]
+
+TOUCHING = 1e-5
+"""A value nearer to its limit than this share of the limit's size counts as on it."""
+
+STEP_SHARES = np.arange(17) / 16
+"""Shares of a step at which its worst excess is looked for; a parabola through the largest three finds what lies between."""
+
+TAIL_SAMPLES = 4000
+"""Instants at which a tail is looked at, half of them evenly spread, half the denser the nearer to the manoeuvre."""
+
+TAIL_DECAY = 40.0
+"""Time constants of its slowest mode over which a tail is looked at."""
+
+
+@dataclass(frozen=True)
+class ActiveLimit:
+    """A side of a limit that a plan touches: `side` "low" or "high", limit in absolute units, intervals (start, end) [s]."""
+
+    name: str
+    side: str
+    limit: float
+    intervals: tuple[tuple[float, float], ...]
+
+    def __str__(self) -> str:
+        total = sum(end - start for start, end in self.intervals)
+        spans = ", ".join(f"{start:.6g} to {end:.6g} s" for start, end in self.intervals[:4])
+        more = f" and {len(self.intervals) - 4} more" if len(self.intervals) > 4 else ""
+        return f"{self.name} is at its {self.side} limit {self.limit:.6g} for {total:.4g} s ({spans}{more})"
+
+
+def differentiated(trajectory: TwoSidedTrajectory) -> TwoSidedTrajectory:
+    """The derivative of a trajectory, piece by piece."""
+    generators = tuple(replace(g, X_f=g.X_f @ g.M_f, X_b=g.X_b @ g.M_b) for g in trajectory.generators)
+    return replace(trajectory, generators=generators)
+
+
+def values_between(trajectory: TwoSidedTrajectory, bounds: Sequence[Bound], shares: Array) -> Array:
+    """What is limited, at these shares (s,) of each piece between breakpoints: (bounds, pieces, s)."""
+    edges = trajectory.breakpoints
+    times = (edges[:-1, None] + np.diff(edges)[:, None] * shares).ravel()
+    piece = np.repeat(np.arange(1, len(edges)), len(shares))
+    plain = trajectory(times, piece)
+    rate = differentiated(trajectory)(times, piece) if any(b.kind == "input rate" for b in bounds) else plain
+    values = [(rate if bound.kind == "input rate" else plain) @ bound.row for bound in bounds]
+    return np.array(values).reshape(len(bounds), len(edges) - 1, len(shares))
+
+
+def worst_within_steps(trajectory: TwoSidedTrajectory, bounds: Sequence[Bound]) -> tuple[Array, Array]:
+    """Largest excess of each limit within each step, as a share of its size, and the share of the step: (bounds, steps) both."""
+    values = values_between(trajectory, bounds, STEP_SHARES)
+    excess = np.array([bound.excess(value) for bound, value in zip(bounds, values, strict=True)])
+    best = np.argmax(excess, axis=2)
+    middle = np.clip(best, 1, len(STEP_SHARES) - 2)
+    left, centre, right = (np.take_along_axis(excess, (middle + k)[:, :, None], axis=2)[:, :, 0] for k in (-1, 0, 1))
+    bend = left - 2 * centre + right
+    curved = (bend < 0) & (best == middle)
+    offset = np.where(curved, (left - right) / (2 * np.where(curved, bend, 1.0)), best - middle)
+    top = np.where(curved, centre - (left - right) * offset / 4, np.max(excess, axis=2))
+    return top, (middle + offset) / (len(STEP_SHARES) - 1)
+
+
+def tail_excess(tail: Tail, v: Array, bounds: Sequence[Bound]) -> Array:
+    """How far each limit is exceeded within a tail, as a share of its size: (bounds,)."""
+    if not len(v):  # nothing dies out: the plan rests
+        return np.array(
+            [float(bound.excess(np.array(0.0 if bound.kind == "input rate" else bound.row @ tail.held))) for bound in bounds]
+        )
+    modes = np.linalg.eigvals(tail.M)
+    horizon = TAIL_DECAY / -np.max(modes.real)
+    nearest = 1e-3 / np.max(np.abs(modes))
+    half = TAIL_SAMPLES // 2
+    sigma = np.union1d(np.linspace(0.0, horizon, half), np.geomspace(min(nearest, horizon / 2), horizon, half))
+    parts = flow(tail.M, np.broadcast_to(v, (len(sigma), len(v))), sigma)
+    plain, rate = tail.held + parts @ tail.X.T, parts @ (tail.X @ tail.M).T
+    # Backward in time the rate has the other sign.
+    signed = rate if tail.direction > 0 else -rate
+    return np.array([np.max(bound.excess((signed if bound.kind == "input rate" else plain) @ bound.row)) for bound in bounds])
+
+
+def active_limits(trajectory: TwoSidedTrajectory, bounds: Sequence[Bound]) -> tuple[ActiveLimit, ...]:
+    """Where the plan touches its limits between its breakpoints, by limit and side."""
+    shares = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
+    values = values_between(trajectory, bounds, shares)
+    edges = trajectory.breakpoints
+    times = (edges[:-1, None] + np.diff(edges)[:, None] * shares).ravel()
+    found = []
+    for bound, value in zip(bounds, values, strict=True):
+        for side, limit, distance in (("low", bound.low, value - bound.low), ("high", bound.high, bound.high - value)):
+            touches = (distance <= TOUCHING * bound.size).ravel()
+            if np.any(touches):
+                found.append(ActiveLimit(bound.name, side, float(limit + bound.offset), _runs(times, touches, len(shares))))
+    return tuple(found)
+
+
+def _runs(times: Array, touches: NDArray[np.bool_], longest: int) -> tuple[tuple[float, float], ...]:
+    """The stretches over which `touches` holds, breaks of less than `longest` instants left out: within a step it may lift off."""
+    at = np.flatnonzero(touches)
+    breaks = np.flatnonzero(np.diff(at) > longest)
+    starts, ends = at[np.concatenate([[0], breaks + 1])], at[np.concatenate([breaks, [len(at) - 1]])]
+    return tuple((float(times[a]), float(times[b])) for a, b in zip(starts, ends, strict=True))

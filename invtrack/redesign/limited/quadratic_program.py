@@ -1,0 +1,120 @@
+"""A sparse convex quadratic programme, solved by an interior-point method (Clarabel)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import clarabel
+import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from invtrack.errors import RedesignError
+
+Array = NDArray[np.float64]
+
+GAP, SMALLEST_GAP, RESIDUAL = 1e-12, 1e-14, 1e-11
+"""To which the duality gap is brought, as a share of the cost or of its largest weight, and the residuals of the constraints."""
+
+ACCEPTED = 1e-9
+"""Gap and residuals from which on a solution is taken that rounding keeps from these; the equations are made exact afterwards."""
+
+CONFLICT = 1e-6
+"""Constraints that have to give way by more than this conflict; h is about one."""
+
+MOST_ITERATIONS = 100
+
+REGULARIZATION = 1e-12
+"""Keeps the equations of `nearest` solvable where rows repeat each other; refinement takes its effect out again."""
+
+REFINEMENTS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class QuadraticProgram:
+    """Minimise z'P z / 2 + q'z subject to E z = e and G z <= h.
+
+    P (m, m) positive semidefinite; units in which z and h are about one.
+    """
+
+    P: csr_array
+    q: Array
+    E: csr_array
+    e: Array
+    G: csr_array
+    h: Array
+
+    def solve(self) -> Array | None:
+        """The minimiser z (m,); None where no z meets all constraints.
+
+        Raises RedesignError where the solver reaches neither.
+        """
+        z, failure = self._attempt()
+        if z is not None:
+            return z
+        # An unbounded cost may hide from the solver that nothing meets the constraints; how far they are apart it always finds.
+        apart = self.least_loosening(np.zeros(len(self.h), dtype=np.intp))
+        if apart is None or apart[0] > CONFLICT:
+            return None
+        raise RedesignError(
+            f"the solver gave up on the limited redesign: {failure}; take a larger step, or bring weights and limits closer to "
+            "each other"
+        )
+
+    def least_loosening(self, group: NDArray[np.intp]) -> Array | None:
+        """Least t (groups,) >= 0, in sum, with G z <= h + t[group] for some z that meets E z = e; None where there is none.
+
+        group (rows,): number of the group of each row of G, -1 where it must not be loosened.
+        """
+        m, k, rows = len(self.q), int(np.max(group)) + 1, np.flatnonzero(group >= 0)
+        give = csr_array(scipy.sparse.coo_array((-np.ones(len(rows)), (rows, group[rows])), shape=(len(group), k)))
+        elastic = QuadraticProgram(
+            P=csr_array((m + k, m + k)),
+            q=np.concatenate([np.zeros(m), np.ones(k)]),
+            E=csr_array(scipy.sparse.hstack([self.E, csr_array((len(self.e), k))])),
+            e=self.e,
+            G=csr_array(scipy.sparse.block_array([[self.G, give], [csr_array((k, m)), -scipy.sparse.eye_array(k)]])),
+            h=np.concatenate([self.h, np.zeros(k)]),
+        )
+        z, _ = elastic._attempt()
+        return None if z is None else np.maximum(z[m:], 0.0)
+
+    def nearest(self, z: Array, active: NDArray[np.bool_]) -> Array:
+        """The point next to z at which E z = e, and G z = h for the active rows, to rounding."""
+        rows = scipy.sparse.csc_array(scipy.sparse.vstack([self.E, self.G[active]]))
+        wanted = np.concatenate([self.e, self.h[active]])
+        m, k = len(z), len(wanted)
+        equations = scipy.sparse.block_array(
+            [[scipy.sparse.eye_array(m), rows.T], [rows, -REGULARIZATION * scipy.sparse.eye_array(k)]], format="csc"
+        )
+        factors = scipy.sparse.linalg.splu(equations)
+        for _ in range(REFINEMENTS):
+            z = z + factors.solve(np.concatenate([np.zeros(m), wanted - rows @ z]))[:m]
+        return z
+
+    def _attempt(self) -> tuple[Array | None, str]:
+        """The solver's z, or None and what it says."""
+        A = scipy.sparse.csc_matrix(scipy.sparse.vstack([self.E, self.G]))
+        b = np.concatenate([self.e, self.h])
+        cones = [clarabel.ZeroConeT(len(self.e)), clarabel.NonnegativeConeT(len(self.h))]
+        # Costs of about one, whatever their unit: the gap is measured against it.
+        size = max(float(abs(self.P).max()), float(np.max(np.abs(self.q))), np.finfo(float).tiny)
+        P = scipy.sparse.csc_matrix(scipy.sparse.triu(self.P / size))
+        solution = clarabel.DefaultSolver(P, self.q / size, A, b, cones, _settings()).solve()
+        if solution.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+            return np.array(solution.x), "solved"
+        return None, (
+            f"{solution.status} after {solution.iterations} iterations, residuals {solution.r_prim:.1e} and {solution.r_dual:.1e}"
+        )
+
+
+def _settings() -> clarabel.DefaultSettings:
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.max_threads = 1
+    settings.max_iter = MOST_ITERATIONS
+    settings.tol_gap_rel, settings.tol_gap_abs, settings.tol_feas = GAP, SMALLEST_GAP, RESIDUAL
+    settings.reduced_tol_gap_abs = settings.reduced_tol_gap_rel = settings.reduced_tol_feas = ACCEPTED
+    return settings

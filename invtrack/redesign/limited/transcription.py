@@ -1,0 +1,240 @@
+"""The limited redesign over a window as a quadratic programme in the states and inputs of its steps and in its two tails."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from invtrack.lti.state_space import StateSpace
+from invtrack.redesign.limited.discretization import Grid
+from invtrack.redesign.limited.quadratic_program import QuadraticProgram
+from invtrack.redesign.limited.tails import Tail
+from invtrack.redesign.limits import Bound
+from invtrack.signals.nominal import TwoSidedGenerator, TwoSidedTrajectory
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class PathPoints:
+    """Where limits on states and outputs are imposed: number of the bound, step and share of that step, all (k,)."""
+
+    bound: Indices
+    step: Indices
+    share: Array
+
+    def joined(self, other: PathPoints) -> PathPoints:
+        """Both sets."""
+        return PathPoints(
+            np.concatenate([self.bound, other.bound]),
+            np.concatenate([self.step, other.step]),
+            np.concatenate([self.share, other.share]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Transcription:
+    """The unknowns z = [v before; v after; x at the grid's times; u at its nodes], in units in which they are about one.
+
+    state_unit (n,), input_unit (p,): those of x and u; each v has the unit in which it moves x and u by about one.
+    """
+
+    grid: Grid
+    tails: tuple[Tail, Tail]
+    bounds: tuple[Bound, ...]
+    state_unit: Array
+    input_unit: Array
+
+    @property
+    def n(self) -> int:
+        """Number of states."""
+        return len(self.state_unit)
+
+    @property
+    def p(self) -> int:
+        """Number of inputs."""
+        return len(self.input_unit)
+
+    def x_columns(self, at: Indices) -> Indices:
+        """Columns (k, n) of the states at these of the grid's times."""
+        return np.asarray(2 * self.n + np.asarray(at)[:, None] * self.n + np.arange(self.n))
+
+    def u_columns(self, node: Indices) -> Indices:
+        """Columns (k, p) of the input at these nodes."""
+        first = 2 * self.n + len(self.grid.times) * self.n
+        return np.asarray(first + np.asarray(node)[:, None] * self.p + np.arange(self.p))
+
+    def step_columns(self, step: Indices) -> Indices:
+        """Columns (k, n + 2 p) of [x; u_s; u_e] of these steps."""
+        return np.hstack([self.x_columns(step), self.u_columns(self.grid.first[step]), self.u_columns(self.grid.last[step])])
+
+    @property
+    def unit(self) -> Array:
+        """The unit of each unknown (m,)."""
+        outer = np.concatenate([self.state_unit, self.input_unit])
+        v = []
+        for tail in self.tails:
+            reach = np.max(np.abs(tail.X[: self.n + self.p]) / outer[:, None], axis=0)
+            v.append(1 / np.where(reach > 0, reach, 1.0))
+        return np.concatenate([*v, np.tile(self.state_unit, len(self.grid.times)), np.tile(self.input_unit, self.grid.nodes)])
+
+    def program(self, points: PathPoints) -> tuple[QuadraticProgram, Indices]:
+        """Cost, equations and limits, and the number of the bound behind each row of the limits."""
+        unit = self.unit
+        scale = scipy.sparse.diags_array(unit)
+        P, q = self._cost()
+        E, e = self._equations()
+        rows, low, high, owner = self.limit_rows(points)
+        above, below = np.isfinite(high), np.isfinite(low)
+        G = scipy.sparse.vstack([rows[above], -rows[below]], format="csr")
+        h = np.concatenate([high[above], -low[below]])
+        program = QuadraticProgram(
+            P=scipy.sparse.csr_array(scale @ P @ scale),
+            q=unit * q,
+            E=scipy.sparse.csr_array(E @ scale),
+            e=e,
+            G=scipy.sparse.csr_array(G @ scale),
+            h=h,
+        )
+        return program, np.concatenate([owner[above], owner[below]])
+
+    def limit_rows(self, points: PathPoints) -> tuple[csr_array, Array, Array, Indices]:
+        """rows z between low and high, in units of each limit's size, and the number of the bound behind each row."""
+        blocks: list[tuple[Array, Indices]] = []
+        owner = []
+        for number, bound in enumerate(self.bounds):
+            channel = int(np.argmax(bound.row)) - self.n
+            if bound.kind == "input":
+                columns = self.u_columns(np.arange(self.grid.nodes))[:, [channel]]
+                values = np.full(columns.shape, 1 / bound.size)
+            elif bound.kind == "input rate":
+                ends = (self.grid.first, self.grid.last)
+                columns = np.hstack([self.u_columns(nodes)[:, [channel]] for nodes in ends])
+                length = np.array([step.length for step in self.grid.steps])[self.grid.kind]
+                values = np.array([-1.0, 1.0]) / (length * bound.size)[:, None]
+            else:
+                chosen = np.flatnonzero(points.bound == number)
+                columns = self.step_columns(points.step[chosen])
+                values = self._path_values(bound, points.step[chosen], points.share[chosen]) / bound.size
+            blocks.append((values, columns))
+            owner.append(np.full(len(columns), number))
+        rows = scipy.sparse.vstack([self._rows(values, columns) for values, columns in blocks], format="csr")
+        number_of = np.concatenate(owner)
+        size, low, high = (np.array([getattr(b, name) for b in self.bounds])[number_of] for name in ("size", "low", "high"))
+        return rows, low / size, high / size, number_of
+
+    def grid_points(self) -> PathPoints:
+        """Every limit on states and outputs at the start of every step, and at the end of those where the next one differs."""
+        steps = len(self.grid.kind)
+        switches = np.flatnonzero(np.diff([id(self.grid.steps[k].system) for k in self.grid.kind]))
+        ends = np.unique(np.concatenate([self.grid.jumps - 1, switches, [steps - 1]]))
+        step = np.concatenate([np.arange(steps), ends])
+        share = np.concatenate([np.zeros(steps), np.ones(len(ends))])
+        numbers = [k for k, bound in enumerate(self.bounds) if bound.kind == "path"]
+        return PathPoints(np.repeat(numbers, len(step)).astype(np.intp), np.tile(step, len(numbers)), np.tile(share, len(numbers)))
+
+    def trajectory(self, z: Array) -> tuple[TwoSidedTrajectory, tuple[Array, Array]]:
+        """The plan on all of time, and the v of its two tails."""
+        n, p, grid = self.n, self.p, self.grid
+        z = z * self.unit
+        before, after = z[:n], z[n : 2 * n]
+        x = z[self.x_columns(np.arange(len(grid.times)))]
+        u = z[2 * n + x.size :].reshape(-1, p)
+        systems = {id(step.system): step.system for step in grid.steps}
+        generators = [_ramp_generator(system) for system in systems.values()]
+        generators += [tail.generator() for tail in self.tails]
+        numbers = {key: k for k, key in enumerate(systems)}
+        kind = np.concatenate(
+            [[len(systems)], np.array([numbers[id(step.system)] for step in grid.steps])[grid.kind], [len(systems) + 1]]
+        )
+        v_f, v_b = np.zeros((len(kind), n + 2 * p)), np.zeros((len(kind), n + 2 * p))
+        first, last = u[grid.first], u[grid.last]
+        v_f[1:-1] = np.hstack([x[:-1], first, (last - first) / np.diff(grid.times)[:, None]])
+        v_b[0, : n + 1], v_f[-1, : n + 1] = np.append(before, 1.0), np.append(after, 1.0)
+        return TwoSidedTrajectory(grid.times, tuple(generators), kind, v_f, v_b), (before, after)
+
+    def _cost(self) -> tuple[csr_array, Array]:
+        """P and q of z'P z / 2 + q'z, in plain units."""
+        m, n = len(self.unit), self.n
+        own = [np.arange(n)[None] + k * n for k in range(2)]
+        entries = [_entries(2 * tail.cost, columns, columns) for tail, columns in zip(self.tails, own, strict=True)]
+        q = np.zeros(m)
+        for number, step in enumerate(self.grid.steps):
+            chosen = np.flatnonzero(self.grid.kind == number)
+            columns = self.step_columns(chosen)
+            entries.append(_entries(2 * step.cost, columns, columns))
+            w = self.grid.anchors[chosen, : step.drive.shape[1]]
+            np.add.at(q, columns, 2 * w @ step.drive.T)
+        return _sparse(entries, (m, m)), q
+
+    def _equations(self) -> tuple[csr_array, Array]:
+        """The plant's equations, and x and u continuous at the window's ends and, where the rate is limited, at jumps."""
+        m, n, p, grid = len(self.unit), self.n, self.p, self.grid
+        steps = len(grid.kind)
+        rows = np.arange(steps * n).reshape(steps, n)
+        entries = [_entries(np.diag(1 / self.state_unit), rows, self.x_columns(np.arange(1, steps + 1)))]
+        for number, step in enumerate(grid.steps):
+            chosen = np.flatnonzero(grid.kind == number)
+            entries.append(_entries(-step.transition / self.state_unit[:, None], rows[chosen], self.step_columns(chosen)))
+        right = [np.zeros(steps * n)]
+        outer = np.concatenate([self.state_unit, self.input_unit])
+        for k, (tail, at, node) in enumerate(zip(self.tails, (0, steps), (0, grid.nodes - 1), strict=True)):
+            edge = (steps * n + k * (n + p) + np.arange(n + p))[None]
+            window = np.hstack([self.x_columns(np.array([at])), self.u_columns(np.array([node]))])
+            entries.append(_entries(np.diag(1 / outer), edge, window))
+            entries.append(_entries(-tail.X[: n + p] / outer[:, None], edge, np.arange(n)[None] + k * n))
+            right.append(tail.held[: n + p] / outer)
+        limited = [int(np.argmax(bound.row)) - n for bound in self.bounds if bound.kind == "input rate"]
+        count = len(limited) * len(grid.jumps)
+        both = [self.u_columns(nodes)[:, limited] for nodes in (grid.first[grid.jumps], grid.last[grid.jumps - 1])]
+        at_jumps = (steps * n + 2 * (n + p) + np.arange(count)).reshape(len(grid.jumps), len(limited))
+        size = np.diag(1 / self.input_unit[limited]) if limited else np.zeros((0, 0))
+        entries += [_entries(size, at_jumps, both[0]), _entries(-size, at_jumps, both[1])]
+        right.append(np.zeros(count))
+        e = np.concatenate(right)
+        return _sparse(entries, (len(e), m)), e
+
+    def _rows(self, values: Array, columns: Indices) -> csr_array:
+        row = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
+        return _sparse([(values.ravel(), row.ravel(), columns.ravel())], (len(columns), len(self.unit)))
+
+    def _path_values(self, bound: Bound, step: Indices, share: Array) -> Array:
+        """The bound's row in terms of [x; u_s; u_e] at these shares of these steps: (k, n + 2 p)."""
+        keys, inverse = np.unique(np.column_stack([self.grid.kind[step], share]), axis=0, return_inverse=True)
+        known = [self.grid.steps[int(kind)].values(bound.row, float(at)) for kind, at in keys]
+        return np.array(known).reshape(-1, self.n + 2 * self.p)[inverse.ravel()]
+
+
+Entries = tuple[Array, Indices, Indices]
+
+
+def _entries(block: Array, rows: Indices, columns: Indices) -> Entries:
+    """The same block (r, c) at rows (k, r) and columns (k, c), k times."""
+    shape = (len(rows), *block.shape)
+    return (
+        np.broadcast_to(block, shape).ravel(),
+        np.broadcast_to(rows[:, :, None], shape).ravel(),
+        np.broadcast_to(columns[:, None, :], shape).ravel(),
+    )
+
+
+def _sparse(entries: Sequence[Entries], shape: tuple[int, int]) -> csr_array:
+    """The sum of all entries."""
+    data, rows, columns = (np.concatenate([entry[k] for entry in entries]) for k in range(3))
+    return scipy.sparse.csr_array(scipy.sparse.coo_array((data, (rows, columns)), shape=shape))
+
+
+def _ramp_generator(system: StateSpace) -> TwoSidedGenerator:
+    """[x; u; y] of a plant whose input changes at a constant rate: states [x; u; u']."""
+    n, p = system.n_states, system.n_channels
+    M = np.zeros((n + 2 * p, n + 2 * p))
+    M[:n, :n], M[:n, n : n + p], M[n : n + p, n + p :] = system.A, system.B, np.eye(p)
+    X = np.eye(n + 2 * p)
+    X[n + p :] = np.hstack([system.C, system.D, np.zeros((p, p))])
+    return TwoSidedGenerator(M, X, np.zeros((0, 0)), np.zeros((n + 2 * p, 0)))

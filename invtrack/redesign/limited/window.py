@@ -1,0 +1,219 @@
+"""The window within which a plan is limited: as wide as it must be, with limits imposed at as many instants as it takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.errors import RedesignError
+from invtrack.lti.switched import SwitchedSystem
+from invtrack.redesign.limited.discretization import make_grid, step_counts
+from invtrack.redesign.limited.infeasibility import explain
+from invtrack.redesign.limited.limit_check import differentiated, tail_excess, values_between, worst_within_steps
+from invtrack.redesign.limited.quadratic_program import QuadraticProgram
+from invtrack.redesign.limited.tails import Tail
+from invtrack.redesign.limited.transcription import PathPoints, Transcription
+from invtrack.redesign.limits import Bound
+from invtrack.redesign.weights import Weights
+from invtrack.signals.decay import decay_time
+from invtrack.signals.nominal import TwoSidedTrajectory
+from invtrack.signals.piecewise import PiecewiseSignal
+
+Array = NDArray[np.float64]
+
+TAIL_SHARE = 1e-2
+"""Share of the peak to which the optimum without limits has decayed where the first window ends."""
+
+INTERPOLATION_ERROR = 1e-5
+"""What linear interpolation of the input without limits may miss, as a share of its peak, if no step is stated."""
+
+FEWEST_STEPS, USUAL_MOST_STEPS, MOST_STEPS = 200, 4000, 40_000
+"""Steps of the first window if no step is stated; and of any window."""
+
+COARSER = 10.0
+"""By how much a step may be longer than the interpolation error asks for where the first window would have too many."""
+
+KEPT = 1e-9
+"""A limit counts as kept where it is exceeded by no more than this share of its size."""
+
+OVERSHOOT = 1e-6
+"""The same for states and outputs, between the instants at which they are held to their limits."""
+
+SNAP = 1e-7
+"""An input or a rate this near to its limit, as a share of its size, is put onto it."""
+
+MOST_DOUBLINGS = 6
+"""Of the time before and after the manoeuvre, until limits that cannot be kept are given up."""
+
+MOST_ROUNDS = 40
+"""Windows and sets of instants that are tried."""
+
+SAMPLES = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class LimitedProblem:
+    """What is to be planned: reference as deviation with breakpoints at all jumps, limits, and the optimum without them.
+
+    tails: before and after; v: what they are without limits.
+    """
+
+    plant: SwitchedSystem
+    reference: PiecewiseSignal
+    weights: Weights
+    bounds: tuple[Bound, ...]
+    free: TwoSidedTrajectory
+    tails: tuple[Tail, Tail]
+    v: tuple[Array, Array]
+
+
+@dataclass(frozen=True, eq=False)
+class LimitedSolution:
+    """The trajectory, the v of its tails, the largest excess of a limit as a share of its size, the longest step [s]."""
+
+    trajectory: TwoSidedTrajectory
+    v: tuple[Array, Array]
+    overshoot: float
+    step: float
+
+
+def free_excess(problem: LimitedProblem) -> float:
+    """Largest excess of a limit by the optimum without limits, as a share of the limit's size."""
+    per_piece = max(65, SAMPLES // (len(problem.free.breakpoints)) + 1)
+    nodes = (1 - np.cos(np.linspace(0.0, np.pi, per_piece))) / 2  # both sides of a jump included
+    tails = [tail_excess(tail, v, problem.bounds) for tail, v in zip(problem.tails, problem.v, strict=True)]
+    values = values_between(problem.free, problem.bounds, nodes)
+    inner = [float(np.max(bound.excess(value))) for bound, value in zip(problem.bounds, values, strict=True)]
+    return max(*inner, *(float(np.max(excess)) for excess in tails))
+
+
+def solve_limited(problem: LimitedProblem, step: float | None) -> LimitedSolution:
+    """The best plan within the limits: window, programme, and instants at which states are limited, until all are kept.
+
+    Raises RedesignError where a window of as many steps as are tried is not enough, with the limits that conflict.
+    """
+    units, margins, length = _first_window(problem, step)
+    task = _transcribe(problem, units, margins, length)
+    points = task.grid_points()
+    for _ in range(MOST_ROUNDS):
+        program, owner = task.program(points)
+        z = program.solve()
+        if z is None:
+            wider = _feasible_margins(problem, units, margins, length)
+        else:
+            trajectory, v = task.trajectory(_exact(program, owner, problem.bounds, z))
+            wider = _widened(problem, margins, length, v)
+        if wider != margins:
+            margins = wider
+            task = _transcribe(problem, units, margins, length)
+            points = task.grid_points()
+            continue
+        excess, share = worst_within_steps(trajectory, problem.bounds)
+        further = _exceeding(excess, share, problem.bounds)
+        if len(further.bound) == 0:
+            return LimitedSolution(trajectory, v, max(0.0, float(np.max(excess))), length)
+        points = points.joined(further)
+    raise RedesignError(
+        f"the limited redesign did not settle in {MOST_ROUNDS} rounds of widening its window and imposing its limits at further "
+        "instants; take a smaller step, or a smoother limit"
+    )
+
+
+def _first_window(problem: LimitedProblem, step: float | None) -> tuple[tuple[Array, Array], tuple[float, float], float]:
+    """Units of states and inputs, time [s] before and after the manoeuvre, and the longest step [s]."""
+    n, p = problem.plant.systems[0].n_states, problem.plant.systems[0].n_channels
+    start, end = problem.reference.support
+    edges = problem.free.breakpoints
+    per_piece = max(33, SAMPLES // len(edges))
+    inner = np.append(np.linspace(edges[:-1], edges[1:], per_piece, endpoint=False, axis=1).ravel(), edges[-1])
+    piece = problem.free.locate(inner)
+    peak = np.max(np.abs(problem.free(inner, piece)), axis=0)
+    before, after = (decay_time(tail.departure(v), peak, TAIL_SHARE) for tail, v in zip(problem.tails, problem.v, strict=True))
+    times = np.concatenate([np.linspace(start - before, start, SAMPLES), inner, np.linspace(end, end + after, SAMPLES)])
+    piece = problem.free.locate(times)
+    first = differentiated(problem.free)
+    values, curvature = problem.free(times, piece), differentiated(first)(times, piece)[:, n : n + p]
+    peak = np.maximum(peak, np.max(np.abs(values), axis=0))
+    units = (_units(peak[:n]), _units(peak[n : n + p]))
+    if step is None:
+        bend = np.max(np.max(np.abs(curvature), axis=0) / units[1])
+        window = times[-1] - times[0]
+        smooth = np.sqrt(8 * INTERPOLATION_ERROR / max(bend, np.finfo(float).tiny))
+        step = float(min(max(smooth, window / USUAL_MOST_STEPS), COARSER * smooth, window / FEWEST_STEPS))
+    before, after = (step * max(10.0, float(np.ceil(margin / step))) for margin in (before, after))  # whole steps: all alike
+    margins = (before, after)
+    _require_steps(problem, margins, step)
+    return units, margins, step
+
+
+def _units(peak: Array) -> Array:
+    """Peaks; where one is but rounding of the others', or nothing moves, the largest."""
+    largest = float(np.max(peak))
+    return np.where(peak > 1e-9 * largest, peak, largest if largest > 0 else 1.0)
+
+
+def _require_steps(problem: LimitedProblem, margins: tuple[float, float], step: float) -> None:
+    edges = _edges(problem, margins)
+    steps = int(np.sum(step_counts(edges, step)))
+    if steps > MOST_STEPS:
+        raise RedesignError(
+            f"limits act from {edges[0]:.6g} to {edges[-1]:.6g} s, which takes {steps} steps of {step:.4g} s, more than "
+            f"{MOST_STEPS}; take a larger step, or loosen the limits"
+        )
+
+
+def _edges(problem: LimitedProblem, margins: tuple[float, float]) -> Array:
+    breaks = problem.reference.breakpoints
+    return np.concatenate([[breaks[0] - margins[0]], breaks, [breaks[-1] + margins[1]]])
+
+
+def _transcribe(
+    problem: LimitedProblem, units: tuple[Array, Array], margins: tuple[float, float], step: float | Array
+) -> Transcription:
+    grid = make_grid(problem.plant, problem.reference, problem.weights, _edges(problem, margins), step)
+    return Transcription(grid, problem.tails, problem.bounds, *units)
+
+
+def _feasible_margins(
+    problem: LimitedProblem, units: tuple[Array, Array], margins: tuple[float, float], step: float
+) -> tuple[float, float]:
+    """The first of the doubled windows in which the limits can be kept, tried with as many steps outside the manoeuvre as before.
+
+    Raises RedesignError where there is none, with the limits that conflict.
+    """
+    steps = np.full(len(problem.reference.breakpoints) + 1, step)
+    for _ in range(MOST_DOUBLINGS):
+        margins = (2 * margins[0], 2 * margins[1])
+        steps[[0, -1]] *= 2
+        task = _transcribe(problem, units, margins, steps)
+        program, owner = task.program(task.grid_points())
+        if program.solve() is not None:
+            _require_steps(problem, margins, step)
+            return margins
+    raise RedesignError(
+        f"the limits cannot all be kept, even with {margins[0]:.4g} s before the manoeuvre and {margins[1]:.4g} s after it: "
+        f"{explain(program, owner, problem.bounds)}"
+    )
+
+
+def _widened(problem: LimitedProblem, margins: tuple[float, float], step: float, v: tuple[Array, Array]) -> tuple[float, float]:
+    """Twice the time on each side on which the tail exceeds a limit."""
+    outside = [float(np.max(tail_excess(tail, each, problem.bounds))) for tail, each in zip(problem.tails, v, strict=True)]
+    before, after = (margin * (2.0 if excess > KEPT else 1.0) for margin, excess in zip(margins, outside, strict=True))
+    _require_steps(problem, (before, after), step)
+    return before, after
+
+
+def _exact(program: QuadraticProgram, owner: NDArray[np.intp], bounds: tuple[Bound, ...], z: Array) -> Array:
+    """The solver's answer with the plant's equations met to rounding, and inputs and rates that touch their limits on them."""
+    firm = np.array([bound.kind != "path" for bound in bounds])[owner]
+    return program.nearest(z, firm & (program.h - program.G @ z <= SNAP))
+
+
+def _exceeding(excess: Array, share: Array, bounds: tuple[Bound, ...]) -> PathPoints:
+    """Where a state or an output exceeds its limit, at its worst within each step; excess, share (bounds, steps)."""
+    path = np.array([bound.kind == "path" for bound in bounds])
+    number, step = np.nonzero((excess > OVERSHOOT) & path[:, None])
+    return PathPoints(number, step, share[number, step])

@@ -1,0 +1,150 @@
+"""What a plan must never exceed, and the same as rows of numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import RedesignError
+from invtrack.lti.state_space import StateSpace
+
+Array = NDArray[np.float64]
+
+Range = ArrayLike | tuple[ArrayLike, ArrayLike]
+"""A number or one per channel: |value| at most that. A tuple (low, high) of two such: low <= value <= high."""
+
+
+@dataclass(frozen=True)
+class StateLimit:
+    """low <= sum of row[name] x_name <= high for a combination of states, for instance the twist {"th1": 1.0, "th2": -1.0}.
+
+    row: weights by state names, of the states as deviations from the operating point. limit: a positive number for +-limit, or a
+    tuple (low, high), in the units of the combination. name: what messages call it.
+    """
+
+    name: str
+    row: Mapping[str, float]
+    limit: float | tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Hard limits of a plan; whatever is not stated is free, and so is everything whose limit is infinite.
+
+    input: absolute, in the units of the inputs (of an actuator: what it can deliver, trim included). input_rate: of its change per
+    second; with it the input does not jump either. output: absolute, of the planned output. Each is a number or an array-like with
+    one per channel for +-that, or a tuple (low, high) of two such. states: limits on combinations of states, as deviations.
+    """
+
+    input: Range = np.inf
+    input_rate: Range = np.inf
+    output: Range = np.inf
+    states: Sequence[StateLimit] = ()
+
+
+Kind = Literal["input", "input rate", "path"]
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """low <= row [x; u; y] <= high, of deviations; for an input's rate, of the derivative of [x; u; y].
+
+    row (n + 2 p,); offset: what the row is at the operating point, so that absolute limits are low + offset and high + offset.
+    """
+
+    name: str
+    kind: Kind
+    row: Array
+    low: float
+    high: float
+    offset: float = 0.0
+
+    @property
+    def size(self) -> float:
+        """The larger of its finite sides: what a miss is measured against."""
+        return max(abs(side) for side in (self.low, self.high) if np.isfinite(side))
+
+    def excess(self, values: Array) -> Array:
+        """How far values lie outside, as a share of the size; negative inside."""
+        return np.asarray(np.maximum(values - self.high, self.low - values) / self.size)
+
+    def __str__(self) -> str:
+        low, high = self.low + self.offset, self.high + self.offset
+        return f"{self.name} between {low:.6g} and {high:.6g}"
+
+
+def bounds_of(limits: Limits, system: StateSpace) -> tuple[Bound, ...]:
+    """The limits as rows of [x; u; y], those that are infinite left out.
+
+    Raises RedesignError for limits that are not numbers, of the wrong shape, not positive or with low >= high, for names of states
+    that the model does not have, and where nothing is limited at all.
+    """
+    n, p, point = system.n_states, system.n_channels, system.operating_point
+    kinds: tuple[tuple[Kind, str, Range, tuple[str, ...], int, Array], ...] = (
+        ("input", "input", limits.input, system.input_names, n, point.u0),
+        ("input rate", "input_rate", limits.input_rate, system.input_names, n, np.zeros(p)),
+        ("path", "output", limits.output, system.output_names, n + p, point.y0),
+    )
+    rows, found = np.eye(n + 2 * p), []
+    for kind, name, value, channels, first, offset in kinds:
+        low, high = _sides(name, value, p, f"{name.partition('_')[0]}s {list(channels)}")
+        title = "rate of input" if kind == "input rate" else name
+        found += [
+            Bound(f"{title} {channel!r}", kind, rows[first + i], low[i] - offset[i], high[i] - offset[i], float(offset[i]))
+            for i, channel in enumerate(channels)
+        ]
+    found += [_state_bound(limit, system) for limit in limits.states]
+    finite = tuple(bound for bound in found if np.isfinite(bound.low) or np.isfinite(bound.high))
+    if not finite:
+        raise RedesignError(
+            "expected at least one finite limit, got none; give Limits an input, input_rate, output or states, or, without limits, "
+            "use invtrack.quadratic_redesign"
+        )
+    return finite
+
+
+def _state_bound(limit: StateLimit, system: StateSpace) -> Bound:
+    unknown = [name for name in limit.row if name not in system.state_names]
+    if unknown or not limit.row:
+        raise RedesignError(
+            f"limit {limit.name!r}: expected weights of some of the states {list(system.state_names)}, got {dict(limit.row)}"
+            + (f", of which {unknown} are unknown" if unknown else "")
+        )
+    row = np.zeros(system.n_states + 2 * system.n_channels)
+    for name, weight in limit.row.items():
+        row[system.state_names.index(name)] = weight
+    if not np.all(np.isfinite(row)) or not np.any(row):
+        raise RedesignError(f"limit {limit.name!r}: expected finite weights that are not all zero, got {dict(limit.row)}")
+    low, high = _sides(limit.name, limit.limit, 1, "combination of states")
+    return Bound(repr(limit.name), "path", row, float(low[0]), float(high[0]))
+
+
+def _sides(name: str, value: Range, size: int, meaning: str) -> tuple[Array, Array]:
+    """Lowest and highest value of each channel, both (size,)."""
+    pair = isinstance(value, tuple)
+    if isinstance(value, tuple) and len(value) != 2:
+        raise RedesignError(f"limit {name!r}: expected a tuple (low, high) of two, got {len(value)} entries")
+    low, high = (_channels(name, side, size, meaning) for side in (value if isinstance(value, tuple) else (value, value)))
+    if not pair:
+        low = -high
+    if np.any(high <= low):
+        wrong = f"low {low.tolist()}, high {high.tolist()}" if pair else f"{high.tolist()}"
+        expected = "each low below its high" if pair else "positive numbers"
+        raise RedesignError(f"limit {name!r}: expected {expected}, got {wrong}; leave out what is to be free, or say infinity")
+    return low, high
+
+
+def _channels(name: str, value: ArrayLike, size: int, meaning: str) -> Array:
+    try:
+        array: Array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise RedesignError(f"limit {name!r} must be a number or one per channel: {error}") from error
+    if array.shape not in ((), (size,)):
+        raise RedesignError(f"limit {name!r}: expected a number or {size} for the {meaning}, got shape {array.shape}")
+    if np.any(np.isnan(array)):
+        raise RedesignError(f"limit {name!r} has entries that are not numbers: {array.tolist()}")
+    return np.asarray(array * np.ones(size))

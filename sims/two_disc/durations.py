@@ -1,0 +1,69 @@
+"""The papers' redesign over a range of slew durations and two profiles, because the papers publish neither."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from scipy.optimize import brentq
+from two_disc.rig import PROFILES, PUBLISHED, SHARES, SHOWN, Plans, measured_shares, run
+
+import invtrack
+from invtrack.runs.progress import progress
+from invtrack.runs.table import Column, print_table
+
+DURATIONS = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0)  # [s]
+COLUMNS = tuple(Column(f"{which} {share.replace('_', ' ')}") for share in SHARES for which in ("predicted", "measured"))
+
+
+def sweep(
+    plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtrack.GainSchedule, timestep: float
+) -> tuple[list[dict[str, Any]], list[invtrack.RunResult]]:
+    """Shares, predicted and measured, of each profile and duration, and the two runs of the slew that is shown."""
+    rows: list[dict[str, Any]] = []
+    shown: list[invtrack.RunResult] = []
+    with progress("slews") as report:
+        for profile in PROFILES:
+            for duration in DURATIONS:
+                plans = Plans.of(model, duration, profile)
+                runs = [run(plant, invtrack.TrackingController(plan, gains), name, timestep) for name, plan in vars(plans).items()]
+                rows.append(
+                    {"profile": profile, "duration": duration, "predicted": plans.shares(), "measured": measured_shares(*runs)}
+                )
+                if (profile, duration) == SHOWN:
+                    shown = runs
+                report(len(rows) / (len(PROFILES) * len(DURATIONS)))
+    return rows, shown
+
+
+def where_shares_occur(model: invtrack.StateSpace, published: Mapping[str, float]) -> dict[str, dict[str, float]]:
+    """For each published share: the quintic's duration [s] at which it occurs, and the other shares there, predicted."""
+
+    def miss(share: str) -> Callable[[float], float]:
+        return lambda duration: Plans.of(model, duration, "quintic").shares()[share] - published[share]
+
+    result = {}
+    for share in published:
+        duration = float(brentq(miss(share), 10.0, 60.0, xtol=1e-2))
+        result[share] = {"duration": duration, **Plans.of(model, duration, "quintic").shares()}
+    return result
+
+
+def report_sweep(rows: list[dict[str, Any]], occurs: dict[str, dict[str, float]]) -> None:
+    """The table, and what the papers report beside it."""
+    table = {
+        f"{row['profile']}, {row['duration']:g} s": {
+            f"{which}_{share}": row[which][share] for which in ("predicted", "measured") for share in SHARES
+        }
+        for row in rows
+    }
+    print_table("Two-disc rig: what redesign changes, as shares", columns=COLUMNS, rows=table, row_header="slew")
+    worst = max(abs(row["predicted"][share] - row["measured"][share]) for row in rows for share in SHARES)
+    print(f"largest difference of prediction and MuJoCo: {100 * worst:.3f} percentage points")
+    print("the papers report, without profile and duration: 10 % of the slew, 60 % less input, 20 % less twist. For the quintic:")
+    for share, there in occurs.items():
+        print(
+            f"  {share.replace('_', ' ')} of {PUBLISHED[share]:.0%} occurs at {there['duration']:.1f} s: output changed by "
+            f"{there['output_change']:.1%}, input -{there['input_reduction']:.1%}, twist -{there['twist_reduction']:.1%}"
+        )
+    print()

@@ -1,0 +1,122 @@
+"""The papers' figures, drawn from the plans and the runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from two_disc.experiment import DRAWN
+from two_disc.rig import PROFILES, Q_TWIST, Q_Y, SHARES, SHOWN, TWIST_WEIGHT, Plans, R, slew, twist
+
+import invtrack
+from invtrack.figures.frequency_response import frequency_response_figure
+from invtrack.figures.overlay import overlay_figure
+from invtrack.figures.sweep import sweep_figure
+
+SLEW_TEXT = f"{SHOWN[0]} of {SHOWN[1]:g} s"
+WINDOW = (-20.0, 50.0)  # [s]
+
+
+def papers_figures(
+    model: invtrack.StateSpace, rows: list[dict[str, Any]], experiment: Mapping[str, invtrack.RunResult]
+) -> dict[str, Figure]:
+    """Figures by the name of their file; which figure of the papers each stands for is in its title."""
+    plans = Plans.of(model, SHOWN[1], SHOWN[0])
+    drawn = {
+        "wanted": wanted_output(),
+        "responses": responses(model),
+        "prefilter": prefilter_response(model),
+        "redesign": redesign(plans),
+        "experiment": experiment_runs(experiment),
+    }
+    return drawn | {f"durations_{profile}": durations(profile, rows) for profile in PROFILES}
+
+
+def wanted_output() -> Figure:
+    """Figure 2 of the experimental paper."""
+    times = np.linspace(*WINDOW, 2001)
+    reference = slew(SHOWN[1], SHOWN[0])
+    units = ("rad", "rad/s", "rad/s²")
+    panels = [
+        (f"{name} [{unit}]", {"wanted": (times, reference(times, derivative=order)[:, 0])})
+        for order, (name, unit) in enumerate(zip((r"$\theta_2$", r"$\dot\theta_2$", r"$\ddot\theta_2$"), units, strict=True))
+    ]
+    return overlay_figure(
+        f"two_disc: wanted output and its derivatives, {SLEW_TEXT}\n(experimental paper, figure 2)", panels=panels
+    )
+
+
+def responses(model: invtrack.StateSpace) -> Figure:
+    """The identified transfer functions."""
+    w = np.geomspace(0.05, 50.0, 2001)
+    states = np.linalg.solve(1j * w[:, None, None] * np.eye(model.n_states) - model.A, model.B)[:, :, 0]
+    curves = {r"$\theta_1/\tau$": states[:, 0], r"$\theta_2/\tau$ (nonminimum-phase)": states[:, 1]}
+    return frequency_response_figure(
+        "two_disc: frequency responses of the identified rig (AIAA note, eq. 6)",
+        w=w,
+        curves=curves,
+        magnitude=r"$|\theta/\tau|$ [rad]",
+    )
+
+
+def prefilter_response(model: invtrack.StateSpace) -> Figure:
+    """G_f, from wanted to redesigned output."""
+    w = np.geomspace(1e-3, 10.0, 2001)
+    curves = {}
+    for q_x, q_y in ((Q_TWIST, 0.1), (Q_TWIST, Q_Y), (Q_TWIST, 10.0), (0.0, Q_Y)):
+        weights = {"R": R, "Q_x": q_x * TWIST_WEIGHT, "Q_y": q_y}
+        name = f"q_x = {q_x:g}, q_y = {q_y:g}" + (" (papers)" if (q_x, q_y) == (Q_TWIST, Q_Y) else "")
+        curves[name] = invtrack.prefilter(model, **weights).frequency_response(w).G_f[:, 0, 0]
+    return frequency_response_figure(
+        "two_disc: prefilter from wanted to redesigned output, of zero phase, r = 1\n(AIAA note, lemma)",
+        w=w,
+        curves=curves,
+        magnitude="$|G_f|$ [1]",
+        phase=False,
+    )
+
+
+def redesign(plans: Plans) -> Figure:
+    """Figure 1 of the AIAA note, figures 3 to 5 of the experimental paper."""
+    times = np.linspace(*WINDOW, 4001)
+    values = {"exact inversion": plans.exact(times), "redesigned": plans.redesigned(times)}
+    panels = [
+        (r"$\theta_2$ [rad]", {name: (times, at.y[:, 0]) for name, at in values.items()}),
+        ("motor [1]", {name: (times, at.u[:, 0]) for name, at in values.items()}),
+        (r"$\theta_1 - \theta_2$ [rad]", {name: (times, twist(at.x)) for name, at in values.items()}),
+    ]
+    title = f"two_disc: output, input and twist, {SLEW_TEXT}\n(AIAA note, figure 1; experimental paper, figures 3 to 5)"
+    return overlay_figure(title, panels=panels)
+
+
+def experiment_runs(runs: Mapping[str, invtrack.RunResult]) -> Figure:
+    """Figures 7 and 8 of the experimental paper, and the input."""
+    first = next(iter(runs.values()))
+    panels = [
+        (
+            r"$\theta_2$ [rad]",
+            {"wanted": (first.time, first.reference.values[:, 0])} | {n: (r.time, r.output.values[:, 0]) for n, r in runs.items()},
+        ),
+        (r"$\theta_1 - \theta_2$ [rad]", {name: (result.time, twist(result.state.values)) for name, result in runs.items()}),
+        ("motor [1]", {name: (result.time[:-1], result.applied.values[:, 0]) for name, result in runs.items()}),
+    ]
+    title = f"two_disc, {DRAWN} and noisy sensors: output, twist and input\n(experimental paper, figures 7 and 8)"
+    return overlay_figure(title, panels=panels, wanted="wanted", window=WINDOW)
+
+
+def durations(profile: str, rows: list[dict[str, Any]]) -> Figure:
+    """The papers' three shares over the duration of the slew."""
+    chosen = [row for row in rows if row["profile"] == profile]
+    curves = {
+        which: {share.replace("_", " "): [row[which][share] for row in chosen] for share in SHARES}
+        for which in ("predicted", "measured")
+    }
+    return sweep_figure(
+        f"two_disc: redesign over the duration of the slew, {profile}",
+        label="duration of the slew [s]",
+        values=[row["duration"] for row in chosen],
+        **curves,
+        quantity="share [1]",
+    )

@@ -1,0 +1,148 @@
+"""A slew that asks for more than the motor has: the optimum within hard limits, driven through an actuator that has them."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from two_disc.experiment import DRAWN, RIGS, controller, drive
+from two_disc.rig import TOLERANCE, TWIST, peak, run, slew, twist
+
+import invtrack
+from invtrack.figures.overlay import overlay_figure
+from invtrack.redesign.constrained import ConstrainedTrajectory
+from invtrack.redesign.trade_off import outcome
+from invtrack.runs.table import Column, print_table
+
+PROFILE, DURATION = "quintic", 10.0  # [s]
+WEIGHTS = {"R": 1.0, "Q_y": 10.0}  # the twist has no weight: it has a limit
+INPUT, RATE, TWIST_LIMIT = 0.045, 0.05, 0.02  # [1], [1/s], [rad]; exact inversion needs 0.076, 0.22 and 0.023
+MARGIN = 1e-4  # share of the limits that the plan leaves to feedback, which corrects what holding the input over a step costs
+WINDOW = (-10.0, 20.0)  # [s]
+COLUMNS = (
+    Column("output change", "rad", "max_error"),
+    Column("peak input", "1"),
+    Column("peak rate", "1/s"),
+    Column("peak twist", "rad"),
+    Column("steps clamped", "", "clamped"),
+)
+
+
+@dataclass(frozen=True)
+class LimitedSlew:
+    """Plans and runs of the same slew."""
+
+    plans: dict[str, invtrack.NominalTrajectory]
+    runs: dict[str, invtrack.RunResult]
+    limited: ConstrainedTrajectory
+
+    def summary(self) -> dict[str, Any]:
+        """Limits, when each is active, and what was planned and measured."""
+        return {
+            "profile": PROFILE,
+            "duration": DURATION,
+            "weights": WEIGHTS,
+            "limits": {"input": INPUT, "input_rate": RATE, "twist": TWIST_LIMIT},
+            "margin": MARGIN,
+            "active": [
+                {
+                    "name": each.name,
+                    "side": each.side,
+                    "limit": each.limit,
+                    "seconds": sum(end - start for start, end in each.intervals),
+                    "intervals": each.intervals,
+                }
+                for each in self.limited.active
+            ],
+            "planned": {name: _planned(plan) for name, plan in self.plans.items()},
+            "measured": {name: _measured(result) for name, result in self.runs.items()},
+        }
+
+
+def limited_slew(plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtrack.GainSchedule, timestep: float) -> LimitedSlew:
+    """Exact inversion, the optimum without and with limits; the first and the last driven through the limited actuator."""
+    reference = slew(DURATION, PROFILE)
+    inside = 1 - MARGIN
+    limited = invtrack.constrained_redesign(
+        model,
+        reference,
+        **WEIGHTS,
+        limits=invtrack.Limits(
+            input=inside * INPUT,
+            input_rate=inside * RATE,
+            states=[invtrack.StateLimit("twist", dict(zip(model.state_names, TWIST.tolist(), strict=True)), inside * TWIST_LIMIT)],
+        ),
+        tolerance=TOLERANCE,
+    )
+    plans = {
+        "exact": invtrack.invert(model, reference, tolerance=TOLERANCE),
+        "redesigned": invtrack.quadratic_redesign(model, reference, **WEIGHTS, tolerance=TOLERANCE),
+        "redesigned_limited": limited,
+    }
+    actuated = invtrack.with_input_limits(plant, {"motor": INPUT})
+    runs = {"redesigned_limited": run(actuated, invtrack.TrackingController(limited, gains), "redesigned_limited", timestep)}
+    with warnings.catch_warnings():
+        # That these plans exceed the actuator is the point: the first by design, the second by what noise adds.
+        warnings.filterwarnings("ignore", message="the plan needs", category=RuntimeWarning)
+        runs["exact_clamped"] = run(actuated, invtrack.TrackingController(plans["exact"], gains), "exact_clamped", timestep)
+    runs["experiment_limited"] = drive(actuated, RIGS[DRAWN], controller(model, limited), "experiment_limited", timestep)
+    return LimitedSlew(plans, runs, limited)
+
+
+def _planned(plan: invtrack.NominalTrajectory) -> dict[str, float]:
+    figures = outcome(plan, {"twist": TWIST}).figures
+    times = np.linspace(plan.start, plan.end, 100_001)
+    return {**figures, "peak_rate": peak(np.diff(plan.inputs(times), axis=0)) / float(times[1] - times[0])}
+
+
+def _measured(result: invtrack.RunResult) -> dict[str, float | int | None]:
+    """Peaks of what the actuator passed on, and at how many steps it clamped what was commanded.
+
+    A controller with a period moves the input in jumps, which have no rate.
+    """
+    sampled = len(result.measured.names) > 0
+    middle = (result.time[:-1] + result.time[1:]) / 2
+    applied, commanded = result.applied.values, result.commanded.values
+    return {
+        "max_error": invtrack.max_error(result),
+        "peak_input": peak(applied),
+        "peak_rate": None if sampled else peak(np.diff(applied, axis=0) / np.diff(middle)[:, None]),
+        "peak_twist": peak(twist(result.state.values)),
+        "clamped": int(np.sum(np.any(applied != commanded, axis=1))),
+        "steps": len(applied),
+        "plan_error": invtrack.max_error(result, wanted="planned_output"),
+    }
+
+
+def report_limits(slew_: LimitedSlew) -> None:
+    """The table, and which limit acts when."""
+    summary = slew_.summary()
+    table: dict[str, dict[str, Any]] = {f"{name}, planned": {**row, "clamped": None} for name, row in summary["planned"].items()}
+    table |= {f"{name}, MuJoCo": row for name, row in summary["measured"].items()}
+    table["limit"] = {"max_error": None, "peak_input": INPUT, "peak_rate": RATE, "peak_twist": TWIST_LIMIT, "clamped": None}
+    print_table(f"Hard limits, {PROFILE} of {DURATION:g} s, r = 1, q_x = 0, q_y = 10", columns=COLUMNS, rows=table)
+    for each in slew_.limited.active:
+        print(f"  {each}")
+    measured = summary["measured"]["redesigned_limited"]
+    print(
+        f"planned {MARGIN:g} inside the limits. In MuJoCo the actuator's ctrlrange of +-{INPUT:g} clamps {measured['clamped']} of "
+        f"{measured['steps']} steps.\n"
+    )
+
+
+def draw_limits(slew_: LimitedSlew) -> Figure:
+    """What is given up of the output, input and twist, with their limits."""
+    times = np.linspace(*WINDOW, 6001)
+    values = {name.replace("_", " "): plan(times) for name, plan in slew_.plans.items()}
+    motor, shaft = "motor [1]", r"$\theta_1 - \theta_2$ [rad]"
+    panels = [
+        (r"$\theta_2$ - wanted [rad]", {name: (times, (at.y - at.y_d)[:, 0]) for name, at in values.items()}),
+        (motor, {name: (times, at.u[:, 0]) for name, at in values.items()}),
+        (shaft, {name: (times, twist(at.x)) for name, at in values.items()}),
+    ]
+    limits = {motor: (-INPUT, INPUT), shaft: (-TWIST_LIMIT, TWIST_LIMIT)}
+    title = f"two_disc: {PROFILE} of {DURATION:g} s within limits on input, its rate ({RATE:g} 1/s) and twist"
+    return overlay_figure(title, panels=panels, window=WINDOW, limits=limits)
