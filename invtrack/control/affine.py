@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.control.gains import GainSchedule
+
 Array = NDArray[np.float64]
 
 
@@ -25,6 +27,15 @@ class AffineLaw:
         self._gains = gains
         self._row_gains = [np.hstack([-gain, np.eye(len(gain))]) for gain in gains]
         self._which = which
+
+    @classmethod
+    def around(cls, feedforward: Array, x_ref: Array, gains: GainSchedule, inside: Array) -> AffineLaw:
+        """u = feedforward_i - K_i (x - x_ref_i): feedforward (m, p), x_ref (m, n); inside (m,) [s] says which gain is in force."""
+        which = gains.interval(inside)
+        offset = feedforward.copy()
+        for k, gain in enumerate(gains.gains):
+            offset[which == k] += x_ref[which == k] @ gain.T
+        return cls(offset, gains.gains, which)
 
     def row_gain(self, index: int) -> Array:
         """[-K I] (p, n + p) of one instant."""

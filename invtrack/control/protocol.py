@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, Protocol
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from invtrack.signals.nominal import NominalTrajectory
 
 Array = NDArray[np.float64]
+Segments = tuple[tuple[int, float], ...]  # intervals that a hold runs through, with the seconds spent in each
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +36,11 @@ class Instants:
     part_inside: Array
     part_share: Array
 
+    @classmethod
+    def undivided(cls, time: Array, hold: Array, inside: Array) -> Instants:
+        """Instants whose holds contain no breakpoint: time, hold, inside (m,) [s]."""
+        return cls(time, hold, inside, np.arange(len(time)), time + hold / 2, inside, np.ones(len(time)))
+
     def mean_over_hold(self, function: Callable[[Array, Array], Array]) -> Array:
         """Mean over each hold of function(times (k,), inside (k,)) -> (k, p), by the midpoint rule on its parts: (m, p).
 
@@ -41,6 +48,24 @@ class Instants:
         """
         values = function(self.part_middle, self.part_inside) * self.part_share[:, None]
         return np.asarray(np.add.reduceat(values, self.first, axis=0))
+
+    @property
+    def part_owner(self) -> NDArray[np.intp]:
+        """Number of the hold that each part belongs to (k,)."""
+        return np.repeat(np.arange(len(self.time)), np.diff(self.first, append=len(self.part_share)))
+
+    def segments(self, interval: Callable[[Array], NDArray[np.intp]]) -> list[Segments]:
+        """What each hold runs through: ((interval, seconds), ...), the parts in one and the same interval taken together.
+
+        interval: index of the interval of something that switches, from times inside them. Holds are equal but for rounding within
+        an interval: to 9 digits, so that what depends on them need be worked out once for all that agree.
+        """
+        owner, where = self.part_owner, interval(self.part_inside)
+        starts = np.flatnonzero((np.diff(owner, prepend=-1) != 0) | (np.diff(where, prepend=-1) != 0))
+        seconds = np.add.reduceat(self.part_share * self.hold[owner], starts)
+        pairs = list(zip(where[starts].tolist(), [float(f"{length:.9g}") for length in seconds.tolist()], strict=True))
+        edges = np.searchsorted(owner[starts], np.arange(len(self.time) + 1)).tolist()
+        return [tuple(pairs[a:b]) for a, b in pairwise(edges)]
 
 
 class Law(Protocol):

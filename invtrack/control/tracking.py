@@ -40,9 +40,4 @@ class TrackingController(PlanFollower):
     def begin(self, instants: Instants) -> AffineLaw:
         """The law for one run: plan and gains looked up for all its instants at once."""
         x_ref = self.nominal.states(instants.time, inside=instants.inside)
-        interval = self.gains.interval(instants.inside)
-        offset = self.mean_feedforward(instants)
-        for k, gain in enumerate(self.gains.gains):
-            chosen = interval == k
-            offset[chosen] += x_ref[chosen] @ gain.T
-        return AffineLaw(offset, self.gains.gains, interval)
+        return AffineLaw.around(self.mean_feedforward(instants), x_ref, self.gains, instants.inside)

@@ -21,7 +21,7 @@ def comparison_figure(results: Sequence[RunResult], *, window: tuple[float, floa
     The error is the largest |y - y_d| of all outputs. Parameter intervals, the manoeuvre and the window shown are those of the
     first run. Raises InvtrackError where there is no run, or where the runs differ in outputs or inputs.
     """
-    first = _same_plant(results)
+    first = same_plant(results)
     window = shown_window(first, window)
     inputs = first.applied
     looks = line_looks(len(results))
@@ -49,7 +49,7 @@ def comparison_figure(results: Sequence[RunResult], *, window: tuple[float, floa
     return figure
 
 
-def _same_plant(results: Sequence[RunResult]) -> RunResult:
+def same_plant(results: Sequence[RunResult]) -> RunResult:
     """The first of the runs, once they are known to be comparable."""
     if not results:
         raise InvtrackError("expected at least one run to compare, got none")

@@ -17,11 +17,11 @@ from invtrack.errors import (
     RelativeDegreeError,
     TrajectoryError,
 )
-from invtrack.inversion.assembly import Assembly, assemble
-from invtrack.inversion.boundary_value import BoundaryValueSolution, solve
+from invtrack.inversion.bounded_solution.assembly import Assembly, assemble
+from invtrack.inversion.bounded_solution.boundary_value import BoundaryValueSolution, solve
+from invtrack.inversion.bounded_solution.junctions import SAME_ROW_TOLERANCE
+from invtrack.inversion.bounded_solution.problem import require_channels
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
-from invtrack.inversion.junctions import SAME_ROW_TOLERANCE
-from invtrack.inversion.problem import require_channels
 from invtrack.inversion.stable import invert
 from invtrack.lti.balancing import balancing_scale
 from invtrack.lti.normal_form import NormalForm, couplings

@@ -4,25 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from invtrack.errors import InversionError
-from invtrack.inversion.assembly import assemble
-from invtrack.inversion.boundary_value import solve
-from invtrack.inversion.problem import require_channels, split_each
-from invtrack.inversion.refusals import require_accurate, require_consistent, require_smooth
+from invtrack.inversion.bounded_solution.problem import require_channels, split_each
+from invtrack.inversion.bounded_solution.refusals import require_accurate, require_smooth
+from invtrack.inversion.bounded_solution.solution import asks_for_motion, bounded_solution, require_options
 from invtrack.lti.switched import as_switched
 from invtrack.signals.certificate import certify
 from invtrack.signals.decay import actuation_times
 from invtrack.signals.deviation import deviation_reference
 from invtrack.signals.nominal import NominalTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
-
-Array = NDArray[np.float64]
-
-AT_REST = 1e-12
-"""A reference that departs from the operating point by no more than this share of its values asks for no motion."""
 
 
 def invert(
@@ -46,27 +36,18 @@ def invert(
     at which no continuous state keeps the output exact), BoundednessError (no bounded solution), InversionError (too
     ill-conditioned). Sources: Devasia, Chen, Paden 1996; Devasia, Paden, Rossi 1996, Lemma 1.
     """
-    if not 0 < tolerance < 1 or (max_preactuation is not None and not max_preactuation >= 0):
-        raise InversionError(
-            f"tolerance must lie between 0 and 1 and max_preactuation must not be negative, got {tolerance} and {max_preactuation}"
-        )
+    require_options(tolerance, max_preactuation)
     plant = as_switched(model)
     require_channels(plant, reference)
     deviation = deviation_reference(plant, reference)
     splits = split_each(plant)
     require_smooth(plant, splits, reference)
-    assembly = assemble(plant, splits, deviation)
-    solution = solve(assembly.first, assembly.junctions, assembly.last)
-    require_consistent(plant, splits, assembly, solution)
-    trajectory = assembly.trajectory(solution.values)
-    support = (float(trajectory.breakpoints[0]), float(trajectory.breakpoints[-1]))
-    departures = assembly.departures(trajectory)
-    preactuation, postactuation, remarks = actuation_times(trajectory, departures, tolerance, max_preactuation)
-    if solution.freedom:
-        remarks += (f"the bounded inverse is not unique ({solution.freedom} free direction(s)); the one of least norm was taken",)
+    solution = bounded_solution(plant, splits, deviation)
+    trajectory, support = solution.trajectory, solution.support
+    preactuation, postactuation, remarks = actuation_times(trajectory, solution.departures, tolerance, max_preactuation)
     certificate = certify(plant, trajectory, deviation, (support[0] - preactuation, support[1] + postactuation))
-    if np.any(deviation.size(0) > AT_REST * reference.size(0)):
-        require_accurate(certificate, solution)
+    if asks_for_motion(deviation, reference):
+        require_accurate(certificate, solution.boundary)
     return NominalTrajectory(
         method="stable inversion",
         model=plant,
@@ -77,5 +58,5 @@ def invert(
         postactuation=postactuation,
         tolerance=tolerance,
         certificate=certificate,
-        remarks=remarks,
+        remarks=remarks + solution.remarks,
     )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import InversionError
-from invtrack.inversion.problem import require_channels
+from invtrack.inversion.bounded_solution.problem import require_channels
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import as_switched
 from invtrack.signals.certificate import certify

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -143,11 +143,16 @@ def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics
     if np.any(refused) and endless:
         kinds = zero_kinds(system, internal.zeros)
         raise NonHyperbolicError(_axis_message(internal, refused, kinds))
-    n = len(internal.A_eta)
     limit = 1.001 * float(np.max(internal.zeros[refused].real, initial=0.0))  # rounding may put a double zero on either side
+    return split_by(internal, lambda zero: zero.real <= limit)
+
+
+def split_by(internal: InternalDynamics, stable: Callable[[complex], bool]) -> SplitDynamics:
+    """Internal dynamics split into the part with the zeros for which `stable` holds and the rest; the two sets must not meet."""
+    n = len(internal.A_eta)
     schur, Q, n_s = np.zeros((0, 0)), np.eye(0), 0
     if n:
-        schur, Q, n_s = scipy.linalg.schur(internal.A_eta, output="real", sort=lambda re, im: re <= limit)
+        schur, Q, n_s = scipy.linalg.schur(internal.A_eta, output="real", sort=lambda re, im: stable(complex(re, im)))
     A_s, A_u = schur[:n_s, :n_s], schur[n_s:, n_s:]
     coupling = np.zeros((n_s, n - n_s))
     if 0 < n_s < n:

@@ -10,6 +10,7 @@ Rows stand on two timelines: `step`, the number of the sample, and `time`, a dur
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -34,8 +35,11 @@ HELD = ("commanded", "applied", "parameters", "measured", "estimate")
 
 
 def entity_path(case: str, *parts: str) -> str:
-    """Path of an entity of one case, with every character that Rerun treats specially escaped."""
-    return str(rr.new_entity_path([case, *parts]))
+    """Path of an entity of one case, with every character that Rerun treats specially escaped.
+
+    Rerun does not read its own escape of a backslash back, so that one is written as in a URL: %5C.
+    """
+    return str(rr.new_entity_path([re.sub(r"%(?=5C|25)", "%25", part).replace("\\", "%5C") for part in (case, *parts)]))
 
 
 def unit_path(case: str, signal: str, unit: str) -> str:

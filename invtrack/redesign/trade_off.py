@@ -79,9 +79,7 @@ class TradeOff:
             raise RedesignError("there is no exact inversion to compare with; give its plan to pareto_sweep(..., exact=...)")
         values, whole = self.values(figure), self.exact.figures[figure]
         if whole <= NO_WORSE * float(np.max(values)):
-            raise RedesignError(
-                f"exact inversion's {figure} is zero, so that nothing is a share of it; take the values themselves"
-            )
+            raise RedesignError(f"exact inversion's {figure} is zero, so that nothing is a share of it; take the values themselves")
         return np.asarray(values / whole)
 
     @cached_property

@@ -141,8 +141,10 @@ class NominalTrajectory:
 
     @cached_property
     def input_range(self) -> tuple[Array, Array]:
-        """Lowest and highest value of each input over the whole plan, both (p,): known before anything is simulated."""
+        """Lowest and highest value of each input from start to end of the plan, both (p,): known before a simulation."""
         edges = np.unique(np.concatenate([[self.start], self.breakpoints, [self.end]]))
+        if len(edges) == 1:  # a motion that runs for ever without a breakpoint: its value at the one time it names
+            edges = np.repeat(edges, 2)
         middle, half = (edges[:-1] + edges[1:]) / 2, np.diff(edges) / 2
         per_piece = max(64, 4096 // len(middle) + 1)
         nodes = np.cos(

@@ -54,4 +54,4 @@ def stage_instants(grid: Grid) -> Instants:
     begin, end = grid.time[:-1], grid.time[1:]
     time = np.column_stack([begin, (begin + end) / 2, end]).ravel()
     inside = np.repeat(grid.middle, 3)
-    return Instants(time, np.zeros(len(time)), inside, np.arange(len(time)), time, inside, np.ones(len(time)))
+    return Instants.undivided(time, np.zeros(len(time)), inside)

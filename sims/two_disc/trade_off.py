@@ -9,7 +9,6 @@ from two_disc.rig import Q_TWIST, Q_Y, SHOWN, SLEW, TOLERANCE, TWIST, TWIST_WEIG
 
 import invtrack
 from invtrack.figures.trade_off import trade_off_figure
-from invtrack.redesign.trade_off import pareto_sweep
 from invtrack.runs.table import Column, print_table
 
 # q_x, and the values of q_y: with the twist free far less weight on the output gives up as much of the motion.
@@ -31,7 +30,7 @@ def trade_off(model: invtrack.StateSpace) -> list[dict[str, Any]]:
     profile, duration = SHOWN
     reference = slew(duration, profile)
     points = [{"r": R, "q_x": q_x, "q_y": q_y} for q_x, output_weights in FAMILIES.values() for q_y in output_weights]
-    sweep = pareto_sweep(
+    sweep = invtrack.pareto_sweep(
         model,
         reference,
         weights=[{"R": point["r"], "Q_x": point["q_x"] * TWIST_WEIGHT, "Q_y": point["q_y"]} for point in points],

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from invtrack.inversion.boundary_value import Conditions, solve
+from invtrack.inversion.bounded_solution.boundary_value import Conditions, solve
 
 Problem = tuple[Conditions, list[Conditions], Conditions]
 laws = settings(deadline=None, max_examples=60, derandomize=True)

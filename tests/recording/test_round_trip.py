@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rerun.chunk import OptimizationProfile, RrdReader
@@ -32,6 +32,8 @@ def test_a_run_comes_back_bit_for_bit(run: RunResult, tmp_path: Path) -> None:
     units=st.lists(st.sampled_from(["m", "m/s", "", "N·m", "[odd] unit"]), min_size=3, max_size=3),
     case=st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=12),
 )
+@example(values=np.zeros((4, 3)), names=["", "", ""], units=["m", "m", "m"], case="\\")  # the two that Rerun's own
+@example(values=np.zeros((4, 3)), names=["", "", ""], units=["m", "m", "m"], case="a\\ %5C")  # escapes do not survive
 def test_every_float_and_every_name_survives(
     values: np.ndarray, names: list[str], units: list[str], case: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from invtrack.inversion.exosystem_map import exosystem_map
 from invtrack.inversion.stable import invert
 from invtrack.lti.state_space import OperatingPoint, StateSpace
 from invtrack.lti.switched import SwitchedSystem
+from invtrack.signals.exosystem_families import sinusoidal_exosystem
 from invtrack.signals.nominal import NominalTrajectory, TwoSidedGenerator, TwoSidedTrajectory
 from invtrack.signals.profiles import constant, versine
 from tests.cited_plants import CANTILEVER_TIP_MASSES, cantilever_paper
@@ -70,3 +72,9 @@ def test_operating_point_is_added_to_input_and_output_only() -> None:
     assert moved(t).u == pytest.approx(plain(t).u + 4.0, abs=1e-8)
     assert moved(t).y == pytest.approx(plain(t).y - 2.0, abs=1e-11)
     assert moved(t).y_d == pytest.approx(moved(t).y, abs=1e-11)
+
+
+def test_input_range_of_a_plan_without_beginning_or_end_is_its_value_there() -> None:
+    plan = exosystem_map(StateSpace([[-1.0]], [[1.0]], [[1.0]]), sinusoidal_exosystem([2.0])).nominal([0.0, 1.0, 0.0])
+    lowest, highest = plan.input_range
+    assert lowest == highest == plan.inputs(plan.start)[0]

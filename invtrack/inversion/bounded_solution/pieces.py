@@ -37,10 +37,24 @@ class InversePiece:
     after: TwoSidedGenerator
 
 
-def inverse_piece(system: StateSpace, split: SplitDynamics, generator: Generator, *, endless: bool) -> InversePiece:
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """The term v = feedback V eta + feedforward [zeta_d; y_d^(r)] of u = B_y^-1 (y_d^(r) - A_x x + v), which gives up exactness.
+
+    feedback (p, n) acts on the state's distance V eta from P zeta_d, feedforward (p, rho + p) on the wanted output's derivatives.
+    """
+
+    feedback: Array
+    feedforward: Array
+
+
+def inverse_piece(
+    system: StateSpace, split: SplitDynamics, generator: Generator, *, endless: bool, correction: Correction | None = None
+) -> InversePiece:
     """Inverse of `system` for outputs y_d = R w, w' = S w.
 
-    With x = P zeta + V eta and u = B_y^-1 (y_d^(r) - A_x x) (Devasia 1996, eqs. 7-9; Devasia, Paden, Rossi 1996, eqs. 3-5).
+    With x = P zeta + V eta and u = B_y^-1 (y_d^(r) - A_x x + v), v = 0 without a correction (Devasia 1996, eqs. 7-9 and 12;
+    Devasia, Paden, Rossi 1996, eqs. 3-5).
     """
     form = split.internal.form
     derivatives = [generator.derivative(k) for k in range(max(form.relative_degree) + 1)]
@@ -56,13 +70,15 @@ def inverse_piece(system: StateSpace, split: SplitDynamics, generator: Generator
     F, G = form.tracking_law()
 
     def values(x_rows: Array, y_r_rows: Array) -> Array:
-        """Rows of [x; u; y] from those of x and of y_d^(r)."""
+        """Rows of [x; u; y] from those of x and of y_d^(r) + v."""
         u_rows = F @ x_rows + G @ y_r_rows
         return np.vstack([x_rows, u_rows, system.C @ x_rows + system.D @ u_rows])
 
-    from_s = values(form.V @ split.W_s, np.zeros((len(G), len(split.A_s))))
-    from_u = values(form.V @ split.W_u, np.zeros((len(G), len(split.A_u))))
-    from_w = values(form.P @ Z, highest)
+    if correction is None:
+        correction = Correction(np.zeros_like(F), np.zeros((len(G), len(drive))))
+    x_s, x_u = form.V @ split.W_s, form.V @ split.W_u
+    from_s, from_u = values(x_s, correction.feedback @ x_s), values(x_u, correction.feedback @ x_u)
+    from_w = values(form.P @ Z, highest + correction.feedforward @ drive)
     forward, backward = _augmented(split.A_s, D_s, generator.S), _augmented(split.A_u, D_u, generator.S)
     none, no_columns = np.zeros((0, 0)), np.zeros((len(from_w), 0))
     return InversePiece(

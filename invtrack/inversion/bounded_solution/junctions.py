@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.inversion.boundary_value import Conditions
-from invtrack.inversion.intervals import Interval
+from invtrack.inversion.bounded_solution.boundary_value import Conditions
+from invtrack.inversion.bounded_solution.intervals import Interval
 from invtrack.lti.zero_dynamics import SplitDynamics
 
 Array = NDArray[np.float64]
@@ -24,7 +24,11 @@ def junction_conditions(
     zeta_right: Array,
     zeta_peak: Array,
 ) -> tuple[Conditions, tuple[int, float], float]:
-    """Continuity of the state at a jump, in the new interval's coordinates; rows scaled to unit size."""
+    """Continuity of the state at a jump, in the new interval's coordinates; rows scaled to unit size.
+
+    C_star (rho rows) are the outputs and derivatives that have to be the wanted ones: none of them in a modified inverse, whose
+    internal coordinates N are the whole state.
+    """
     form_l, form_r = left.internal.form, right.internal.form
     x_from_s, x_from_u = form_l.V @ left.W_s, form_l.V @ left.W_u
     unknown = np.hstack([x_from_s @ before.E_s, x_from_u])  # x at the end of the old interval, from its v
@@ -35,10 +39,11 @@ def junction_conditions(
     rows_right = np.zeros((len(T), n_s + len(right.A_u)))
     rows_right[rho : rho + n_s, :n_s] = -np.eye(n_s)
     rows_right[rho + n_s :, n_s:] = -after.E_u
-    rhs[:rho] += zeta_right
+    rhs[:rho] += zeta_right[:rho]
+    rhs[rho:] += T[rho:] @ (form_r.P @ zeta_right)  # zero where N P = 0, as in the normal form
     rhs[rho + n_s :] += after.p_u
     row_size = np.maximum(np.max(np.abs(T) @ np.abs(np.hstack([x_from_s, x_from_u])), axis=1, initial=0.0), np.finfo(float).tiny)
-    rhs_size = np.abs(T) @ np.abs(known) + np.concatenate([np.maximum(np.abs(zeta_right), zeta_peak), np.zeros(len(T) - rho)])
+    rhs_size = np.abs(T) @ np.abs(known) + np.concatenate([np.maximum(np.abs(zeta_right), zeta_peak)[:rho], np.zeros(len(T) - rho)])
     # Rows of C* that are the same on both sides hold no unknown: they are checked, not solved for.
     empty = np.zeros(len(T), dtype=bool)
     empty[:rho] = np.max(np.abs(rows_left[:rho]), axis=1, initial=0.0) <= SAME_ROW_TOLERANCE * row_size[:rho]

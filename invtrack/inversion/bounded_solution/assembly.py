@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.inversion.boundary_value import Conditions
-from invtrack.inversion.intervals import Interval, make_interval
-from invtrack.inversion.junctions import junction_conditions
-from invtrack.inversion.pieces import InversePiece, inverse_piece
+from invtrack.inversion.bounded_solution.boundary_value import Conditions
+from invtrack.inversion.bounded_solution.intervals import Interval, make_interval
+from invtrack.inversion.bounded_solution.junctions import junction_conditions
+from invtrack.inversion.bounded_solution.pieces import Correction, InversePiece, inverse_piece
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.lti.zero_dynamics import SplitDynamics
 from invtrack.signals.decay import Departure
@@ -87,30 +87,36 @@ class Assembly:
         return Departure(-first.A_u, before.before.X_b[:, :n_u], u), Departure(last.A_s, after.after.X_f[:, :n_s], s)
 
 
-def assemble(plant: SwitchedSystem, splits: Sequence[SplitDynamics], reference: PiecewiseSignal) -> Assembly:
+def assemble(
+    plant: SwitchedSystem,
+    splits: Sequence[SplitDynamics],
+    reference: PiecewiseSignal,
+    corrections: Sequence[Correction | None] | None = None,
+) -> Assembly:
     """Boundary value problem of the bounded inverse for a reference with breakpoints at all switch times.
 
     Conditions: before the manoeuvre the stable part equals its bounded particular solution, after it the antistable part does; at
     each jump the state is continuous: C*_(k+1) x = zeta_(k+1) (compatibility) and N_(k+1) x gives the new internal state.
+    corrections: what each interval's law adds to the exact one (nothing, by default); its split takes account of it.
     """
+    corrections = corrections or [None] * len(plant)
     edges = reference.breakpoints
     owner = plant.interval(reference.inner_times())
-    inverses, kind = _inverse_of_each(plant, splits, reference, owner)
+    inverses, kind = _inverse_of_each(plant, splits, reference, owner, corrections)
     unit = _internal_unit(splits, inverses)
     if unit > 1:
         measured = {id(split): split.in_units_of(unit) for split in splits}
         splits = [measured[id(split)] for split in splits]
-        inverses, kind = _inverse_of_each(plant, splits, reference, owner)
+        inverses, kind = _inverse_of_each(plant, splits, reference, owner, corrections)
     end_anchors = reference.end_anchors()
     intervals = [make_interval(_pieces_of(owner, k), splits[k], reference, inverses, kind, end_anchors) for k in range(len(plant))]
     junctions, checks, sizes = [], [], [interval.peak for interval in intervals]
     for k, t in enumerate(plant.switch_times):
         right = int(np.searchsorted(edges, t, side="right"))  # the piece that starts at the jump
-        zeta_left = inverses[kind[right - 1]].Z @ _used(end_anchors, inverses[kind[right - 1]], right - 1)
-        zeta_right = inverses[kind[right]].Z @ _used(reference.anchors, inverses[kind[right]], right)
-        conditions, check, size = junction_conditions(
-            splits[k], splits[k + 1], intervals[k], intervals[k + 1], zeta_left, zeta_right, _zeta_peak(reference, splits[k + 1])
-        )
+        before, after = inverses[kind[right - 1]], inverses[kind[right]]
+        zeta = before.Z @ _used(end_anchors, before, right - 1), after.Z @ _used(reference.anchors, after, right)
+        peak = _zeta_peak(reference, splits[k + 1])
+        conditions, check, size = junction_conditions(splits[k], splits[k + 1], intervals[k], intervals[k + 1], *zeta, peak)
         junctions.append(conditions)
         checks.append(check)
         sizes.append(size)
@@ -145,17 +151,21 @@ def _pieces_of(owner: NDArray[np.intp], k: int) -> NDArray[np.intp]:
 
 
 def _inverse_of_each(
-    plant: SwitchedSystem, splits: Sequence[SplitDynamics], reference: PiecewiseSignal, owner: NDArray[np.intp]
+    plant: SwitchedSystem,
+    splits: Sequence[SplitDynamics],
+    reference: PiecewiseSignal,
+    owner: NDArray[np.intp],
+    corrections: Sequence[Correction | None],
 ) -> tuple[list[InversePiece], NDArray[np.intp]]:
-    """The distinct inverses (plant model, reference generator, endless or not), and which one each piece uses."""
-    numbers = {id(system): k for k, system in enumerate(plant.systems)}
-    model = np.array([numbers[id(system)] for system in plant.systems])[owner]
+    """The distinct inverses (internal dynamics, reference generator, endless or not), and which one each piece uses."""
+    numbers = {id(split): k for k, split in enumerate(splits)}
+    model = np.array([numbers[id(split)] for split in splits])[owner]
     endless = np.zeros(len(owner), dtype=np.intp)
     endless[[0, -1]] = 1
     shape = (len(plant), len(reference.generators), 2)
     keys, kind = np.unique(np.ravel_multi_index((model, reference.kind, endless), shape), return_inverse=True)
     inverses = [
-        inverse_piece(plant.systems[k], splits[k], reference.generators[g], endless=bool(is_endless))
+        inverse_piece(plant.systems[k], splits[k], reference.generators[g], endless=bool(is_endless), correction=corrections[k])
         for k, g, is_endless in zip(*np.unravel_index(keys, shape), strict=True)
     ]
     return inverses, kind

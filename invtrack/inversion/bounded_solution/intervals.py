@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.inversion.pieces import InversePiece
+from invtrack.inversion.bounded_solution.pieces import InversePiece
 from invtrack.lti.propagation import Propagator
 from invtrack.lti.recurrence import forced_states
 from invtrack.lti.zero_dynamics import SplitDynamics

@@ -1,0 +1,66 @@
+"""Close-ups of several runs around chosen moments: what happens where something jumps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from invtrack.errors import InvtrackError
+from invtrack.figures.comparison import same_plant
+from invtrack.figures.panels import draw_magnitudes, draw_steps, mark_intervals, shown_window, within
+from invtrack.figures.style import FAINT, join_units, label, line_looks, new_figure, shared_style
+from invtrack.runs.result import RunResult
+
+INCHES_PER_MOMENT = 2.3
+INCHES_PER_INPUT = 1.6
+
+
+def around_figure(results: Sequence[RunResult], *, times: Mapping[str, float], before: float, after: float) -> Figure:
+    """One column for each named time [s], shown from `before` to `after` [s] around it: tracking error, and below it the inputs.
+
+    The error is the largest |y - y_d| of all outputs, on a logarithmic axis that all columns share, as they share those of the
+    inputs. Parameter intervals are those of the first run. Raises InvtrackError where there are no runs or no times, where the
+    runs differ in outputs or inputs, or for a time outside the runs.
+    """
+    first = same_plant(results)
+    if not times or not (before > 0 and after > 0):
+        raise InvtrackError(f"expected at least one time and a positive span around it, got {dict(times)}, {before} s, {after} s")
+    windows = {name: shown_window(first, (time - before, time + after)) for name, time in times.items()}
+    inputs = first.applied
+    with shared_style():
+        size = {"width": 1.2 + INCHES_PER_MOMENT * len(times), "height": 3.2 + INCHES_PER_INPUT * len(inputs.names)}
+        figure = new_figure(f"{first.model}: tracking error and input around {', '.join(times)}", **size)
+        heights = [1.5, *[1.0] * len(inputs.names)]
+        panels = figure.subplots(len(heights), len(times), sharex="col", sharey="row", squeeze=False, height_ratios=heights)
+        limits = []
+        for column, (name, window) in zip(panels.T, windows.items(), strict=True):
+            _draw_column(column, results, window)
+            limits.append(column[0].get_ylim())
+            for axes in column:
+                axes.axvline(times[name], color=FAINT, linewidth=0.9, linestyle=(0, (1, 2)), zorder=1)
+            column[0].set_title(f"{name}, {times[name]:.4g} s")
+            column[-1].set_xlabel("time [s]")
+            column[-1].locator_params(axis="x", nbins=5)
+        panels[0, 0].set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
+        panels[0, 0].set_ylabel(f"$|y - y_d|$ [{join_units(first.output.units)}]")
+        for i, row in enumerate(panels[1:]):
+            row[0].set_ylabel(label(inputs.names[i], inputs.units[i]))
+        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
+    return figure
+
+
+def _draw_column(column: Sequence[Axes], results: Sequence[RunResult], window: tuple[float, float]) -> None:
+    """Errors and inputs of all runs in one window."""
+    errors = []
+    for result, look in zip(results, line_looks(len(results)), strict=True):
+        part = within(result, window)
+        errors.append((result.time[part], np.max(np.abs(result.error[part]), axis=1), {"label": result.name, **look}))
+        steps = slice(part.start, min(part.stop, len(result.time)) - 1)
+        for i, axes in enumerate(column[1:]):
+            draw_steps(axes, result.time[part], result.applied.values[steps, i], **look)
+    draw_magnitudes(column[0], errors)
+    for axes in column:
+        mark_intervals(axes, results[0], window)

@@ -1,0 +1,121 @@
+"""Which exosystem states a continuous state of the plant can follow: those that the jumps of G map to zero."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from invtrack.inversion.maps.pieces import inner_times
+from invtrack.lti.normal_form import NormalForm, normal_form
+from invtrack.lti.switched import SwitchedSystem
+from invtrack.signals.exosystem import Exosystem
+from invtrack.signals.nominal import TwoSidedTrajectory
+from invtrack.signals.regulation import InadmissibleState
+
+Array = NDArray[np.float64]
+
+JUMP_TOLERANCE = 1e-9
+"""An entry of G counts as continuous where it jumps by less than this share of its size around the breakpoint."""
+
+
+@dataclass(frozen=True, eq=False)
+class Jumps:
+    """Discontinuities of a map at its breakpoints t_0 ... t_m.
+
+    times (m + 1,) [s]. jump (m + 1, n, q): G(t_k+) - G(t_k-), entries within rounding set to zero; size (m + 1, n, q): of G around
+    each breakpoint; Phi (m + 1, q, q): x_e(t_k) = Phi_k x_e(t_0).
+    """
+
+    times: Array
+    jump: Array
+    size: Array
+    Phi: Array
+
+    @property
+    def where(self) -> list[int]:
+        """Numbers of the breakpoints at which anything jumps."""
+        return np.flatnonzero(np.any(self.jump, axis=(1, 2))).tolist()
+
+
+def map_jumps(trajectory: TwoSidedTrajectory, exosystem: Exosystem, n: int) -> Jumps:
+    """Jumps of G (n, q), from its values on both sides of each breakpoint."""
+    q, edges = exosystem.n_states, trajectory.breakpoints
+    sides = np.arange(len(edges))
+    middles = inner_times(edges)
+    rows = slice(0, n * q)
+    left, right = (trajectory(edges, sides + side, rows).reshape(-1, n, q) for side in (0, 1))
+    inner = np.abs(trajectory(middles, np.arange(len(middles)), rows).reshape(-1, n, q))
+    around = np.maximum(np.maximum(np.abs(left), np.abs(right)), np.maximum(inner[:-1], inner[1:]))
+    size, jump = entry_sizes(around), right - left
+    steps = [exosystem.transition(a, b) for a, b in itertools.pairwise(edges.tolist())]
+    Phi = np.array(list(itertools.accumulate(steps, lambda so_far, step: step @ so_far, initial=np.eye(q))))
+    return Jumps(edges, np.where(np.abs(jump) > JUMP_TOLERANCE * size, jump, 0.0), size, Phi)
+
+
+def entry_sizes(values: Array) -> Array:
+    """What the entries of matrices (m, n, q) are measured against: row size times column size, free of the units of both."""
+    row = np.max(values, axis=2, keepdims=True, initial=0.0)
+    row = np.where(row > 0, row, 1.0)
+    column = np.max(values / row, axis=1, keepdims=True, initial=0.0)
+    return np.asarray(row * np.where(column > 0, column, 1.0))
+
+
+def admissible_states(jumps: Jumps) -> Array:
+    """Orthonormal basis (q, d) of the states x_e(t_0) with [G(t_k+) - G(t_k-)] x_e(t_k) = 0 at every breakpoint."""
+    rows, sizes = [], []
+    for k in jumps.where:
+        row, size = jumps.jump[k] @ jumps.Phi[k], jumps.size[k] @ np.abs(jumps.Phi[k])  # in x_e(t_0)
+        unit = jumps.size[k].max(axis=1, keepdims=True)
+        rows.append(np.where(np.abs(row) > JUMP_TOLERANCE * size, row, 0.0) / unit)
+        sizes.append(size / unit)
+    if not rows:
+        return np.eye(jumps.Phi.shape[1])
+    column = np.max(np.vstack(sizes), axis=0)  # the exosystem's states in units of their own
+    conditions = np.vstack(rows) / column
+    norms = np.linalg.norm(conditions, axis=1, keepdims=True)
+    free = scipy.linalg.null_space(conditions / np.where(norms > 0, norms, 1.0), rcond=JUMP_TOLERANCE)
+    basis: Array = np.linalg.qr(free / column[:, None])[0]
+    return basis
+
+
+def largest_jump(jumps: Jumps, states: Array) -> float:
+    """Largest jump of G x_e at a breakpoint for x_e(t_0) in the columns of `states` (q, d), relative to its size there."""
+    worst = 0.0
+    for k in jumps.where:
+        x_e = jumps.Phi[k] @ states
+        size = jumps.size[k] @ np.abs(x_e)
+        worst = max(worst, float(np.max(np.abs(jumps.jump[k] @ x_e) / np.where(size > 0, size, 1.0), initial=0.0)))
+    return worst
+
+
+def inadmissible_states(
+    plant: SwitchedSystem, jumps: Jumps, exosystem: Exosystem, admissible: Array
+) -> tuple[InadmissibleState, ...]:
+    """The named states outside the admissible subspace: where each fails most, in which derivative, and by how much."""
+    q = exosystem.n_states
+    found: list[InadmissibleState] = []
+    for j in np.flatnonzero(np.linalg.norm(np.eye(q) - admissible @ admissible.T, axis=0) > JUMP_TOLERANCE).tolist():
+        jumped = {k: jumps.jump[k] @ jumps.Phi[k, :, j] for k in jumps.where}
+        shares = {k: float(np.max(np.abs(jump) / jumps.size[k].max(axis=1))) for k, jump in jumped.items()}
+        # The first of the worst: later ones are often the same failure, grown a little.
+        worst = min(k for k, share in shares.items() if share >= max(shares.values()) / 2)
+        time = float(jumps.times[worst])
+        form = normal_form(plant.systems[int(plant.interval(time))])
+        found.append(InadmissibleState(exosystem.names[j], time, *_where(form, plant.systems[0].output_names, jumped[worst])))
+    return tuple(found)
+
+
+def _where(form: NormalForm, names: tuple[str, ...], jump: Array) -> tuple[str, int, float]:
+    """The lowest derivative of an output that jumps, with the output's name; ("", -1) where only the internal state does."""
+    zeta = form.C_star @ jump
+    terms = np.abs(form.C_star) @ np.abs(jump)
+    broken = np.flatnonzero(np.abs(zeta) > 1e-6 * np.where(terms > 0, terms, 1.0))
+    if not broken.size:
+        return "", -1, float(np.max(np.abs(jump)))
+    owners = [(i, k) for i, r in enumerate(form.relative_degree) for k in range(r)]
+    row = min(broken.tolist(), key=lambda row: owners[row][1])
+    return names[owners[row][0]], owners[row][1], float(zeta[row])

@@ -1,0 +1,184 @@
+"""The trade between preactuation and tracking error of a modified inverse: as a table, and solved for what can be afforded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.errors import InversionError
+from invtrack.inversion.modification.moved_zeros import Wish
+from invtrack.inversion.modification.trade_off_table import TradeOff, TradeOffPoint
+from invtrack.inversion.modification.trajectory import ModifiedTrajectory
+from invtrack.inversion.modified import modified_inversion
+from invtrack.lti.switched import as_switched
+from invtrack.lti.zero_dynamics import format_zeros, zeros
+from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.signals.preactuation import preactuation_at
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+SCAN = 9
+"""Real parts, evenly spaced in the logarithm, among which a bracket is looked for."""
+
+BISECTIONS = 12
+"""Halvings of the bracket at most."""
+
+CLOSE = 0.005
+"""A wish counts as met to the point where what is reached is within this share of it."""
+
+NARROW = 1e-3
+"""Width of the bracket, in the logarithm of the real part, at which the search ends."""
+
+NEAREST = 1e-3
+"""Nearest to the axis, as a share of its magnitude, that a zero on the axis is put."""
+
+FARTHEST = 10.0
+"""Farthest that zeros are moved, in units of the magnitude of the largest of them."""
+
+
+def preactuation_trade_off(
+    model: Any,
+    reference: PiecewiseSignal,
+    *,
+    real_parts: Sequence[float],
+    chain_poles: Sequence[complex],
+    within: float | None = None,
+    zeros: Sequence[complex] | None = None,
+    level: float = 0.01,
+    **options: Any,
+) -> TradeOff:
+    """What each of `real_parts` [rad/s] for the offending zeros costs in tracking error and gains in preactuation.
+
+    The zeros are those with |Re| <= within, or the `zeros` named (conjugates implied); they keep their imaginary parts. level:
+    share of the peak input from which on the preactuation counts. chain_poles and further options: as for
+    `modified_inversion`, which is worked out once per real part.
+
+    Raises InversionError for neither or both of within and zeros, and as `modified_inversion` does.
+    """
+    plan, moved = _planner(model, reference, within, zeros, chain_poles=chain_poles, **options)
+    return TradeOff(tuple(_point(float(a), plan(float(a)), level) for a in real_parts), level, tuple(complex(z) for z in moved))
+
+
+def plan_for(
+    model: Any,
+    reference: PiecewiseSignal,
+    *,
+    chain_poles: Sequence[complex],
+    preactuation: float | None = None,
+    error: float | None = None,
+    within: float | None = None,
+    zeros: Sequence[complex] | None = None,
+    real_parts: tuple[float, float] | None = None,
+    level: float = 0.01,
+    **options: Any,
+) -> ModifiedTrajectory:
+    """The modified inverse that makes the best of what can be afforded, by a bracketed search on the real part of the moved zeros.
+
+    preactuation [s]: the least real part with which the input stays below `level` of its peak until then, so the least error (an
+    input that oscillates gets above the level half a period earlier or later, so part of the time may be left unused); or error
+    (share of each output's scale): the largest real part that keeps the error, so the shortest preactuation. within or zeros: as
+    for `preactuation_trade_off`. real_parts: least and largest real part tried [rad/s]; default: from where the zeros are
+    (or 1e-3 of their magnitude) to ten times their magnitude. Further options: as for `modified_inversion`.
+
+    Raises InversionError for not exactly one wish, and for one that cannot be met, with the best that can be reached.
+    """
+    if (preactuation is None) == (error is None) or not (preactuation if error is None else error) > 0:  # type: ignore[operator]
+        raise InversionError(
+            f"expected a positive preactuation [s] or a positive error, got preactuation={preactuation}, error={error}"
+        )
+    plan, moved = _planner(model, reference, within, zeros, chain_poles=chain_poles, **options)
+    low, high = real_parts or _range(moved)
+    if not 0 < low < high:
+        raise InversionError(f"real_parts must be two positive numbers that increase, got {real_parts}")
+    scan = np.geomspace(low, high, SCAN)
+    if preactuation is not None:
+        return _first_within(plan, scan, partial(preactuation_at, level=level), preactuation, "preactuation [s]")
+    return _first_within(plan, scan, lambda plan: plan.relative_error, float(error or 0.0), "error", rising=True)
+
+
+def _first_within(
+    plan: Callable[[float], ModifiedTrajectory],
+    scan: Array,
+    measure: Callable[[ModifiedTrajectory], float],
+    wish: float,
+    name: str,
+    *,
+    rising: bool = False,
+) -> ModifiedTrajectory:
+    """Along `scan`, the first plan whose measure is within the wish; or if it is `rising`, the last before it is not."""
+    tried: list[tuple[float, float, ModifiedTrajectory]] = []
+    for real_part in scan:
+        found = plan(float(real_part))
+        tried.append((float(real_part), measure(found), found))
+        if (tried[-1][1] <= wish) != rising:
+            break
+    met = [entry for entry in tried if entry[1] <= wish]
+    if not met:
+        best = min(tried, key=lambda entry: entry[1])
+        raise InversionError(
+            f"a {name} of {wish:.4g} cannot be reached with real parts of the moved zeros from {scan[0]:.4g} to {scan[-1]:.4g} "
+            f"rad/s: the best is {best[1]:.4g}, at {best[0]:.4g} rad/s; ask for that, choose faster chain_poles, or a slower "
+            "reference"
+        )
+    missed = [entry for entry in tried if entry[1] > wish]
+    good, bad = met[-1], missed[-1] if missed else None
+    for _ in range(BISECTIONS if bad else 0):
+        # Where an input oscillates, its preactuation jumps by half a period: no plan may lie any closer to the wish.
+        if bad is None or good[1] >= (1 - CLOSE) * wish or abs(np.log(good[0] / bad[0])) <= NARROW:
+            break
+        real_part = float(np.sqrt(good[0] * bad[0]))
+        found = plan(real_part)
+        entry = (real_part, measure(found), found)
+        good, bad = (entry, bad) if entry[1] <= wish else (good, entry)
+    return good[2]
+
+
+def _planner(
+    model: Any, reference: PiecewiseSignal, within: float | None, named: Sequence[complex] | None, **options: Any
+) -> tuple[Callable[[float], ModifiedTrajectory], ComplexArray]:
+    """The modified inverse as a function of the real part, and the zeros that it moves."""
+    if (within is None) == (named is None):
+        raise InversionError(f"expected either within=... or zeros=[...], got within={within}, zeros={named}")
+    plant = as_switched(model)
+    present = np.unique(np.concatenate([zeros(plant.systems[k]) for k in _intervals(options.get("interval"), len(plant))]))
+    wish = Wish({complex(z): complex(1.0, complex(z).imag) for z in named}, None, None) if named else Wish(None, within, 1.0)
+    moved = present[wish.targets(present)[0]]
+    if not moved.size:
+        raise InversionError(
+            f"no zeros within {within} rad/s of the imaginary axis; the zeros are {format_zeros(present) or 'none'}"
+        )
+
+    def plan(real_part: float) -> ModifiedTrajectory:
+        if within is not None:
+            return modified_inversion(plant, reference, within=within, to=real_part, **options)
+        move = {complex(z): complex(real_part, complex(z).imag) for z in named or ()}
+        return modified_inversion(plant, reference, move=move, **options)
+
+    return plan, moved
+
+
+def _intervals(interval: int | Sequence[int] | None, count: int) -> list[int]:
+    if interval is None:
+        return list(range(count))
+    named = [interval] if isinstance(interval, int) else list(interval)
+    return [k for k in named if 0 <= k < count]  # others are refused by the inversion
+
+
+def _range(moved: ComplexArray) -> tuple[float, float]:
+    return float(np.max(np.maximum(moved.real, NEAREST * np.abs(moved)))), FARTHEST * float(np.max(np.abs(moved)))
+
+
+def _point(real_part: float, plan: ModifiedTrajectory, level: float) -> TradeOffPoint:
+    return TradeOffPoint(
+        real_part=real_part,
+        alpha=plan.alpha,
+        preactuation=preactuation_at(plan, level),
+        max_error=plan.relative_error,
+        error_after=float(np.max(plan.max_error_after / plan.output_scale)),
+        peak_input=float(np.max(np.abs(plan.input_range))),
+    )

@@ -1,0 +1,217 @@
+"""Exosystems: autonomous linear systems whose output is the wanted trajectory, switched at known times."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import TrajectoryError
+from invtrack.signals.piecewise import Generator, PiecewiseSignal
+
+Array = NDArray[np.float64]
+
+Outside = Literal["zero", "hold"]
+
+
+@dataclass(frozen=True, eq=False)
+class Exosystem:
+    """x_e' = A_e x_e, y_d = C_e x_e, with A_e and C_e constant between known switch times; x_e is continuous there.
+
+    A: N + 1 matrices (q, q); C: N + 1 matrices (p, q); switch_times (N,) [s], may be empty: interval k reaches from t_k to t_(k+1),
+    the first from -infinity and the last to infinity. names: of the q states. The switch times need not be those of the plant
+    (Devasia, Paden, Rossi 1996, eq. 13).
+
+    Raises TrajectoryError where the numbers do not fit, are not finite, or times do not increase.
+    """
+
+    A: tuple[Array, ...]
+    C: tuple[Array, ...]
+    switch_times: Array
+    names: tuple[str, ...]
+
+    def __init__(
+        self, A: Sequence[ArrayLike], C: Sequence[ArrayLike], switch_times: ArrayLike = (), *, names: Sequence[str] | None = None
+    ) -> None:
+        matrices_A, matrices_C = _copies("A_e", A), _copies("C_e", C)
+        times = np.array(switch_times, dtype=float).reshape(-1)
+        if not len(matrices_A) == len(matrices_C) == len(times) + 1:
+            raise TrajectoryError(
+                f"expected one A_e and one C_e per interval, {len(times) + 1} of each for {len(times)} switch times; got "
+                f"{len(matrices_A)} and {len(matrices_C)}"
+            )
+        if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+            raise TrajectoryError(f"switch times of the exosystem must be finite and increase, got {times.tolist()}")
+        q, p = len(matrices_A[0]), len(matrices_C[0])
+        for k, (A_e, C_e) in enumerate(zip(matrices_A, matrices_C, strict=True)):
+            if A_e.shape != (q, q) or C_e.shape != (p, q) or not (p and q):
+                raise TrajectoryError(
+                    f"interval {k} of the exosystem has A_e {A_e.shape} and C_e {C_e.shape}, expected ({q}, {q}) and ({p}, {q})"
+                )
+        given = tuple(f"x_e{i + 1}" for i in range(q)) if names is None else tuple(names)
+        if len(given) != q or len(set(given)) != q:
+            raise TrajectoryError(f"expected {q} distinct names of the exosystem's states, got {list(given)}")
+        times.setflags(write=False)
+        for name, value in (("A", matrices_A), ("C", matrices_C), ("switch_times", times), ("names", given)):
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        """Number of intervals N + 1."""
+        return len(self.A)
+
+    @property
+    def n_states(self) -> int:
+        """Number of states q."""
+        return len(self.names)
+
+    @property
+    def n_outputs(self) -> int:
+        """Number of outputs p."""
+        return len(self.C[0])
+
+    def interval(self, t: ArrayLike) -> NDArray[np.intp]:
+        """Index of the interval that holds each time; a switch time itself belongs to the interval that it starts."""
+        return np.searchsorted(self.switch_times, np.asarray(t, dtype=float), side="right")
+
+    def reference(self, x_e: ArrayLike, *, at: float | None = None) -> PiecewiseSignal:
+        """The output y_d = C_e x_e (p channels) of the trajectory that passes through x_e (q,) at time `at` [s].
+
+        `at` is the first switch time by default, 0 where nothing switches. Raises TrajectoryError for a state of another size.
+        """
+        return self._signal(x_e, at, self.C)
+
+    def states(self, x_e: ArrayLike, at: float | None, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
+        """States (m, q) at times t (m,) [s], or (q,) for a scalar, of the trajectory with x_e at `at`; see `reference`.
+
+        The states are continuous, so `inside` is of no consequence; it is there so that all signals are called alike.
+        """
+        return self._signal(x_e, at, (np.eye(self.n_states),) * len(self))(t, inside=inside)
+
+    def transition(self, start: float, end: float) -> Array:
+        """Phi (q, q) with x_e(end) = Phi x_e(start), over any number of switches and in either direction of time."""
+        first, last = min(start, end), max(start, end)
+        inner = self.switch_times[(self.switch_times > first) & (self.switch_times < last)]
+        edges = np.concatenate([[first], inner, [last]])
+        if end < start:
+            edges = edges[::-1]
+        Phi: Array = np.eye(self.n_states)
+        for a, b in itertools.pairwise(edges.tolist()):
+            Phi = scipy.linalg.expm(self.A[int(self.interval((a + b) / 2))] * (b - a)) @ Phi
+        return Phi
+
+    def resampled(self, switch_times: ArrayLike) -> Exosystem:
+        """The same exosystem with its matrices listed for other switch times, which must hold its own ones."""
+        times = np.asarray(switch_times, dtype=float).reshape(-1)
+        missing = np.setdiff1d(self.switch_times, times)
+        if missing.size:
+            raise TrajectoryError(f"the switch times {missing.tolist()} of the exosystem are not among the new ones")
+        owner = self.interval(np.concatenate([[-np.inf], times]))
+        return Exosystem([self.A[k] for k in owner], [self.C[k] for k in owner], times, names=self.names)
+
+    def transformed(self, T: ArrayLike, *, names: Sequence[str] | None = None) -> Exosystem:
+        """The same exosystem in the coordinates T x_e (T (q, q), nonsingular): T A_e T^-1, C_e T^-1."""
+        matrix = _matrix("T", T)
+        q = self.n_states
+        if matrix.shape != (q, q) or np.linalg.cond(matrix) > 1 / np.finfo(float).eps:
+            raise TrajectoryError(f"T must be a nonsingular ({q}, {q}) matrix, got shape {matrix.shape}")
+        # Matrices that recur are worked out once and stay the same.
+        known = {id(A_e): np.linalg.solve(matrix.T, (matrix @ A_e).T).T for A_e in {id(A_e): A_e for A_e in self.A}.values()}
+        known |= {id(C_e): np.linalg.solve(matrix.T, C_e.T).T for C_e in {id(C_e): C_e for C_e in self.C}.values()}
+        A, C = [known[id(A_e)] for A_e in self.A], [known[id(C_e)] for C_e in self.C]
+        return Exosystem(A, C, self.switch_times, names=names)
+
+    def shifted(self, delay: float) -> Exosystem:
+        """The same exosystem `delay` seconds later."""
+        return Exosystem(self.A, self.C, self.switch_times + delay, names=self.names)
+
+    def _signal(self, x_e: ArrayLike, at: float | None, rows: Sequence[Array]) -> PiecewiseSignal:
+        """rows[k] x_e(t) in interval k: piece by piece forward and backward from `at`."""
+        x, time = np.asarray(x_e, dtype=float), self._reference_time(at)
+        if x.shape != (self.n_states,) or not np.all(np.isfinite(x)):
+            raise TrajectoryError(f"expected a finite exosystem state of {self.n_states} entries {list(self.names)}, got {x_e!r}")
+        edges = self.switch_times if len(self) > 1 else np.array([time])
+        owner = np.concatenate([[0], self.interval(edges)])
+        numbers: dict[tuple[int, int], int] = {}
+        keys = [(id(self.A[k]), id(rows[k])) for k in owner]
+        kind = np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.intp)
+        first = [keys.index(key) for key in numbers]
+        generators = tuple(Generator(self.A[owner[j]], rows[owner[j]]) for j in first)
+        return PiecewiseSignal(edges, generators, kind, self._anchors(x, time, edges, generators, kind))
+
+    def _anchors(self, x: Array, at: float, edges: Array, generators: Sequence[Generator], kind: NDArray[np.intp]) -> Array:
+        """States at the start of each piece, of piece 0 at its end."""
+        states = np.empty((len(edges), len(x)))
+        after = int(np.searchsorted(edges, at))  # the first edge not before `at`
+
+        def carried(state: Array, piece: int, length: float) -> Array:
+            propagator = generators[kind[piece]].propagator(length)
+            result: Array = propagator.states(state[np.newaxis], np.array([abs(length)]))[0]
+            return result
+
+        state, time = x, at
+        for j in range(after, len(edges)):
+            state, time = carried(state, j, edges[j] - time), edges[j]
+            states[j] = state
+        state, time = x, at
+        for j in range(after - 1, -1, -1):
+            state, time = carried(state, j + 1, edges[j] - time), edges[j]
+            states[j] = state
+        return np.concatenate([states[:1], states])
+
+    def _reference_time(self, at: float | None) -> float:
+        if at is None:
+            return float(self.switch_times[0]) if len(self) > 1 else 0.0
+        if not np.isfinite(at):
+            raise TrajectoryError(f"the time at which the exosystem's state is given must be finite, got {at}")
+        return float(at)
+
+
+def exosystem(
+    A_e: ArrayLike,
+    C_e: ArrayLike,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    outside: Outside = "zero",
+    names: Sequence[str] | None = None,
+) -> Exosystem:
+    """x_e' = A_e x_e, y_d = C_e x_e between `start` and `end` [s], each None for running for ever on that side.
+
+    A_e (q, q), C_e (p, q). Outside x_e stands still (A_e = 0), and the output is zero (C_e = 0) or, with outside="hold", keeps its
+    value. Raises TrajectoryError where shapes or times do not fit.
+    """
+    if outside not in ("zero", "hold"):
+        raise TrajectoryError(f"outside must be 'zero' or 'hold', got {outside!r}")
+    if start is not None and end is not None and not end > start:
+        raise TrajectoryError(f"end must be after start, got start {start} and end {end}")
+    A, C = _matrix("A_e", A_e), _matrix("C_e", C_e)
+    idle = (np.zeros_like(A), np.zeros_like(C) if outside == "zero" else C)
+    before, after = [idle] * (start is not None), [idle] * (end is not None)
+    intervals = [*before, (A, C), *after]
+    times = [time for time in (start, end) if time is not None]
+    return Exosystem([A for A, _ in intervals], [C for _, C in intervals], times, names=names)
+
+
+def _copies(name: str, matrices: Sequence[ArrayLike]) -> tuple[Array, ...]:
+    """Copies that cannot be written to; one that recurs stays one, so that what is worked out for it is worked out once."""
+    known: dict[int, Array] = {}
+    for value in matrices:
+        if id(value) not in known:
+            known[id(value)] = _matrix(name, value).copy()
+            known[id(value)].setflags(write=False)
+    return tuple(known[id(value)] for value in matrices)
+
+
+def _matrix(name: str, value: ArrayLike) -> Array:
+    try:
+        matrix = np.atleast_2d(np.asarray(value, dtype=float))
+    except (TypeError, ValueError) as error:
+        raise TrajectoryError(f"{name} must be a matrix of real numbers: {error}") from error
+    if matrix.ndim != 2 or not np.all(np.isfinite(matrix)):
+        raise TrajectoryError(f"{name} must be a matrix of finite real numbers, got shape {matrix.shape}")
+    return matrix

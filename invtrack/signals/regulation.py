@@ -1,0 +1,217 @@
+"""Regulation maps: from the exosystem's state to the plant's wanted state and input, over all of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import InversionError, TrajectoryError
+from invtrack.lti.switched import SwitchedSystem
+from invtrack.signals.certificate import certify
+from invtrack.signals.decay import Departure, actuation_times
+from invtrack.signals.exosystem import Exosystem
+from invtrack.signals.nominal import NominalTrajectory, TwoSidedGenerator, TwoSidedTrajectory
+from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.signals.profiles import constant
+
+Array = NDArray[np.float64]
+
+ADMISSIBLE_TOLERANCE = 1e-7
+"""An exosystem state counts as admissible where its part outside the admissible subspace is below this share of it."""
+
+
+@dataclass(frozen=True)
+class InadmissibleState:
+    """A named state of the exosystem (x_e(T_i) = that unit vector) whose output no continuous state of the plant can follow.
+
+    time [s]: where that fails. output, derivative: which derivative of which output jumps there ("" and -1 where none does but the
+    state has to). jump: by how much, in units of that derivative (of the state, for "").
+    """
+
+    name: str
+    time: float
+    output: str
+    derivative: int
+    jump: float
+
+    def __str__(self) -> str:
+        if not self.output:
+            return f"{self.name}: at t = {self.time:.6g} s the state that keeps the output exact jumps by {self.jump:.3g}"
+        return (
+            f"{self.name}: at t = {self.time:.6g} s derivative {self.derivative} of output {self.output!r} jumps by {self.jump:.3g}"
+        )
+
+
+@dataclass(frozen=True)
+class RegulationCertificate:
+    """How well a map meets its equations, measured from its values alone, not from how it was found.
+
+    dynamics_residual: largest |G(b) - G(a) - integral of A G + B F - G A_e| over panels, relative to the size of each entry.
+    output_error: largest |C G + D F - C_e|, relative to the size of C_e and of the terms. boundary_residual: how far the stable
+    internal coordinates are at T_i, and the antistable ones at T_f, from the bounded particular solutions outside. continuity:
+    largest jump of G x_e at a breakpoint, over the admissible exosystem states (of the Francis regulators, which are known to jump:
+    over all of them). Relative to the size of G.
+    """
+
+    dynamics_residual: float
+    output_error: float
+    boundary_residual: float
+    continuity: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlanPieces:
+    """What turns an exosystem's trajectory into a planned one: pieces driven by [v; x_e], as in NominalTrajectory.
+
+    generators: two-sided generators of [x; u; y], kind (m + 2,): the one of each piece. Z_f (m + 2, ., q): v_f = Z_f x_e at the
+    start of each piece; Z_b (m + 2, ., q): v_b = Z_b x_e at its end.
+    """
+
+    generators: tuple[TwoSidedGenerator, ...]
+    kind: NDArray[np.intp]
+    Z_f: Array
+    Z_b: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RegulationMap:
+    """x_d(t) = G(t) x_e(t), u_d(t) = F(t) x_e(t), for all states of an exosystem at once, on all of time.
+
+    G' = A_y G - G A_e + B G_k C_e*, F = F_k G + G_k C_e* (Devasia, Paden, Rossi 1996, eq. 17), for a map of the method "exosystem
+    map"; constant between breakpoints and discontinuous at them for the Francis regulators. x_d, u_d and y_d = C_e x_e are
+    deviations from the plant's operating point.
+
+    trajectory: G and F row by row, one above the other. support: (T_i, T_f) [s], first and last breakpoint. preactuation,
+    postactuation: how long before T_i and after T_f [s] G and F differ from their bounded particular solutions (zero where the
+    exosystem is still) by more than `tolerance`, relative to the peak of each entry; infinite where they never come that close.
+    admissible (q, d): orthonormal basis of the states x_e(T_i) whose output can be followed by a continuous state of the plant;
+    inadmissible: which of the named states lie outside it, and why. remarks: what a user should know.
+    """
+
+    method: str
+    model: SwitchedSystem
+    exosystem: Exosystem
+    trajectory: TwoSidedTrajectory
+    pieces: PlanPieces
+    support: tuple[float, float]
+    preactuation: float
+    postactuation: float
+    tolerance: float
+    admissible: Array
+    inadmissible: tuple[InadmissibleState, ...]
+    certificate: RegulationCertificate
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def breakpoints(self) -> Array:
+        """Times [s] at which the map is not smooth: switch times of plant and exosystem."""
+        return self.trajectory.breakpoints
+
+    @property
+    def start(self) -> float:
+        """Time [s] at which the map leaves its particular solution: T_i - preactuation."""
+        return self.support[0] - self.preactuation
+
+    @property
+    def end(self) -> float:
+        """Time [s] at which the map has come to its particular solution: T_f + postactuation."""
+        return self.support[1] + self.postactuation
+
+    def G(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:  # noqa: N802 the paper's name
+        """G (m, n, q) at times t (m,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""
+        n = self.model.systems[0].n_states
+        return self._rows(t, inside, 0, n)
+
+    def F(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:  # noqa: N802 the paper's name
+        """F (m, p, q) at times t (m,) [s]; see G."""
+        n, p = self.model.systems[0].n_states, self.model.systems[0].n_channels
+        return self._rows(t, inside, n, n + p)
+
+    def _rows(self, t: ArrayLike, inside: ArrayLike | None, first: int, last: int) -> Array:
+        q = self.exosystem.n_states
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        within = times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape)
+        values = self.trajectory(times, self.trajectory.locate(within), slice(first * q, last * q))
+        return values.reshape(len(times), last - first, q)
+
+    def inadmissible_share(self, x_e: ArrayLike, *, at: float | None = None) -> float:
+        """Share of x_e (q,), given at time `at` [s] (default T_i), that lies outside the admissible states."""
+        x_0 = self._at_start(x_e, at)
+        size = float(np.linalg.norm(x_0))
+        outside = x_0 - self.admissible @ (self.admissible.T @ x_0)
+        return float(np.linalg.norm(outside)) / size if size > 0 else 0.0
+
+    def nominal(self, x_e: ArrayLike, *, at: float | None = None) -> NominalTrajectory:
+        """The plan x_d = G x_e, u_d = F x_e for the exosystem trajectory through x_e (q,) at time `at` [s].
+
+        `at` is T_i of this map by default, the time for which `admissible` holds.
+        Of the Francis regulators, which jump, any state is taken; their plan is no trajectory of the plant, as its certificate
+        says. Raises InversionError, with the reason, for a state that is not admissible; TrajectoryError for one of another size.
+        """
+        share = self.inadmissible_share(x_e, at=at)
+        if share > ADMISSIBLE_TOLERANCE and self.method == "exosystem map":
+            raise InversionError(
+                f"the exosystem state {np.asarray(x_e).tolist()} is not admissible ({share:.1e} of it): no continuous state of the "
+                f"plant gives its output. {self.describe_inadmissible()}; use a combination of the {self.admissible.shape[1]} "
+                "columns of `admissible`"
+            )
+        # At T_i, a breakpoint of the plan: its reference is to have no breakpoint that it does not know.
+        x_0, T_i = self._at_start(x_e, at), self.support[0]
+        point = self.model.systems[0].operating_point
+        deviation = self.exosystem.reference(x_0, at=T_i).refined(self.breakpoints)
+        trajectory = self._plan(self.exosystem.states(x_0, T_i, self.breakpoints))
+        preactuation, postactuation = actuation_times(trajectory, self._departures(trajectory), self.tolerance, None)[:2]
+        span = (self.support[0] - preactuation, self.support[1] + postactuation)
+        return NominalTrajectory(
+            method=self.method,
+            model=self.model,
+            reference=_absolute(deviation, point.y0),
+            trajectory=trajectory,
+            support=self.support,
+            preactuation=preactuation,
+            postactuation=postactuation,
+            tolerance=self.tolerance,
+            certificate=certify(self.model, trajectory, deviation, span),
+            remarks=self.remarks,
+        )
+
+    def describe_inadmissible(self) -> str:
+        """The inadmissible named states and the reason of each, as one sentence."""
+        return "; ".join(str(state) for state in self.inadmissible) or "every state is admissible"
+
+    def _at_start(self, x_e: ArrayLike, at: float | None) -> Array:
+        x = np.asarray(x_e, dtype=float)
+        if x.shape != (self.exosystem.n_states,):
+            names = list(self.exosystem.names)
+            raise TrajectoryError(f"expected an exosystem state of {len(names)} entries {names}, got shape {x.shape}")
+        return x if at is None else self.exosystem.transition(at, self.support[0]) @ x
+
+    def _plan(self, x_e: Array) -> TwoSidedTrajectory:
+        """The two-sided plan for exosystem states x_e (m + 1, q) at the breakpoints."""
+        starts, ends = np.concatenate([x_e[:1], x_e]), np.concatenate([x_e, x_e[-1:]])
+        v_f, v_b = np.einsum("kij,kj->ki", self.pieces.Z_f, starts), np.einsum("kij,kj->ki", self.pieces.Z_b, ends)
+        return TwoSidedTrajectory(self.breakpoints, self.pieces.generators, self.pieces.kind, v_f, v_b)
+
+    def _departures(self, trajectory: TwoSidedTrajectory) -> tuple[Departure, Departure]:
+        """What dies out before T_i and after T_f: distances from the bounded particular solutions."""
+        q, first, last = self.exosystem.n_states, self._end_states(0), self._end_states(-1)
+        before, after = (trajectory.generators[trajectory.kind[end]] for end in (0, -1))
+        n_u, n_s = len(before.M_b) - q, len(after.M_f) - q
+        u, s = first @ trajectory.v_b[0, n_u : n_u + q], last @ trajectory.v_f[-1, n_s : n_s + q]
+        return (
+            Departure(-before.M_b[: len(u), : len(u)], before.X_b[:, : len(u)], u),
+            Departure(after.M_f[: len(s), : len(s)], after.X_f[:, : len(s)], s),
+        )
+
+    def _end_states(self, end: int) -> Array:
+        """Z of the first or the last piece, its distance from the particular solution; no rows where there is none."""
+        generator, q = self.trajectory.generators[self.trajectory.kind[end]], self.exosystem.n_states
+        v, M = (self.trajectory.v_f[-1], generator.M_f) if end else (self.trajectory.v_b[0], generator.M_b)
+        Z: Array = v[: len(M) - 1].reshape(-1, q)  # behind its entries stands a constant
+        return Z
+
+
+def _absolute(deviation: PiecewiseSignal, y_0: Array) -> PiecewiseSignal:
+    return deviation + constant(y_0, at=deviation.support[0]) if np.any(y_0) else deviation

@@ -1,0 +1,102 @@
+"""The paper's figures 2 to 9, with HE3 in the place of its plant."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from hover.aircraft import ATTITUDES, INPUTS, OUTPUTS, channel
+from matplotlib.figure import Figure
+
+import invtrack
+from invtrack.figures.overlay import Line, overlay_figure
+
+SAMPLES = 8001
+BEFORE, AFTER = 8.0, 10.0  # [s] shown around the manoeuvre
+LONG_BEFORE = 60.0  # [s] shown where the preactuation is the subject
+FAINTEST = 1e-6  # |u| below this is not drawn on the logarithmic axis
+UNITS = {"U": "m/s", "W": "m/s", "V": "m/s", "R": "rad/s"}
+MOTIONS = {"U": "forward", "W": "downward", "V": "lateral", "R": "yaw rate"}
+
+Plans = Mapping[str, invtrack.NominalTrajectory]
+Panels = list[tuple[str, dict[str, Line]]]
+
+
+def papers_figures(plans: Plans, runs: Mapping[str, invtrack.RunResult]) -> dict[str, Figure]:
+    """By file name; plans and runs (in MuJoCo) of the cases by name."""
+    T_i, T_f = next(iter(plans.values())).support
+    wanted, near, long = (T_i - 1.0, T_f + 1.0), (T_i - BEFORE, T_f + AFTER), (T_i - LONG_BEFORE, T_f)
+    return {
+        "figure_2_desired_velocities": _figure("desired velocities", _desired(plans, 0), wanted),
+        "figure_3_desired_accelerations": _figure("desired accelerations", _desired(plans, 1), wanted),
+        "figure_4_lateral_and_vertical_velocity": _figure("lateral and vertical velocity", _outputs("VW", plans, runs), wanted),
+        "figure_5_forward_velocity_and_yaw_rate": _figure(
+            "forward velocity and yaw rate (desired: zero)", _outputs("UR", plans, runs), near
+        ),
+        "figure_6_inputs": _figure("feedforward inputs", _inputs(INPUTS[:2], plans), near),
+        "figure_7_inputs": _figure("feedforward inputs", _inputs(INPUTS[2:], plans), near),
+        "figure_8_attitudes": _figure("pitch and roll", _attitudes(plans, runs), near),
+        "figure_9_preactuation": _figure("preactuation in the feedforward", _magnitudes(plans), long),
+    }
+
+
+def _figure(subject: str, panels: Panels, window: tuple[float, float]) -> Figure:
+    return overlay_figure(f"hover (HE3): {subject}", panels=panels, window=window)
+
+
+def _times(plans: Plans) -> np.ndarray:
+    T_i, T_f = next(iter(plans.values())).support
+    return np.linspace(T_i - LONG_BEFORE, T_f + AFTER, SAMPLES)
+
+
+def _desired(plans: Plans, derivative: int) -> Panels:
+    time = _times(plans)
+    wanted = next(iter(plans.values())).reference(time, derivative=derivative)
+    kind, unit = (("velocity", "m/s"), ("acceleration", "m/s²"))[derivative]
+    return [(f"{MOTIONS[name]} {kind} [{unit}]", {"desired": (time, wanted[:, list(OUTPUTS).index(name)])}) for name in "VW"]
+
+
+def _outputs(names: str, plans: Plans, runs: Mapping[str, invtrack.RunResult]) -> Panels:
+    time = _times(plans)
+    panels: Panels = []
+    for name in names:
+        column = list(OUTPUTS).index(name)
+        curves: dict[str, Line] = {case: (time, plan(time).y[:, column]) for case, plan in plans.items()}
+        curves |= {f"{case}, MuJoCo": (run.time, run.output.values[:, column]) for case, run in runs.items()}
+        panels.append((f"{MOTIONS[name]} {name} [{UNITS[name]}]", curves))
+    return panels
+
+
+def _inputs(names: tuple[str, ...], plans: Plans) -> Panels:
+    time = _times(plans)
+    return [
+        (
+            f"{name.replace('_', ' ')} [HE3's unit]",
+            {case: (time, channel(plan.inputs(time), plan.model.systems[0].input_names, name)) for case, plan in plans.items()},
+        )
+        for name in names
+    ]
+
+
+def _attitudes(plans: Plans, runs: Mapping[str, invtrack.RunResult]) -> Panels:
+    time = _times(plans)
+    panels: Panels = []
+    for label, name in ATTITUDES.items():
+        curves: dict[str, Line] = {
+            case: (time, channel(plan.states(time), plan.model.systems[0].state_names, name)) for case, plan in plans.items()
+        }
+        curves |= {f"{case}, MuJoCo": (run.time, run.state[name]) for case, run in runs.items()}
+        panels.append((f"{label} [rad]", curves))
+    return panels
+
+
+def _magnitudes(plans: Plans) -> Panels:
+    time = _times(plans)
+    magnitudes = {case: np.linalg.norm(plan.inputs(time), axis=1) for case, plan in plans.items()}
+    return [
+        ("|u| [HE3's unit]", {case: (time, values) for case, values in magnitudes.items()}),
+        (
+            "log10 of |u|",
+            {case: (time, np.log10(np.where(values > FAINTEST, values, np.nan))) for case, values in magnitudes.items()},
+        ),
+    ]

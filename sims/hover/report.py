@@ -1,0 +1,67 @@
+"""What the hover simulation prints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from hover.aircraft import LINEAR
+from hover.comparison import inverse_poles
+
+from invtrack.lti.zero_dynamics import format_zeros
+from invtrack.runs.table import Column, print_table
+from invtrack.signals.preactuation import PreactuationBound
+
+COLUMNS = (
+    Column("max error", "SI"),
+    Column("predicted max error", "SI"),
+    Column("rms error", "SI"),
+    Column("residual vibration", "SI"),
+    Column("peak input", "1"),
+    Column("preactuation time", "s"),
+    Column("first above 1 %", "s", "first_above_1_percent"),
+    Column("fitted decay rate", "1/s"),
+    Column("start", "s"),
+)
+LIKENESS_COLUMNS = (
+    Column("peak, exact", key="exact_peak"),
+    Column("peak, modified", key="modified_peak"),
+    Column("largest difference / peak", key="largest_difference"),
+    Column("correlation"),
+)
+
+
+def report_results(
+    plans: Mapping[str, Any],
+    bounds: Mapping[str, PreactuationBound],
+    cases: dict[str, dict[str, Any]],
+    alike: dict[str, dict[str, float]],
+) -> None:
+    """Print both tables and what they mean."""
+    print("The helicopter is HE3 of COMPleib: the paper's aircraft, states and inputs, not its matrix, which is lost.")
+    print(f"zeros: {format_zeros(inverse_poles(plans['exact']))}")
+    print(f"poles of the modified inverse: {format_zeros(inverse_poles(plans['modified']))} [1/s]")
+    tried = ", ".join(f"{entry.name} {entry.integral_square_error:.3g}" for entry in plans["modified"].candidates)
+    print(f"ways of using the freedom in the modified law, by the integral of their squared error: {tried};")
+    print(f"taken: {plans['modified'].design}\n")
+    print_table("A metre to the right and a metre down in 5 s, U, W, V [m/s] and R [rad/s]", columns=COLUMNS, rows=cases)
+    print_table(
+        "How alike the two plans are in the manoeuvre", columns=LIKENESS_COLUMNS, rows=alike, row_header="control, attitude"
+    )
+    linear, physics = cases["modified" + LINEAR], cases["modified"]
+    bounding = ", ".join(f"{bound.M:.3g} exp({bound.alpha:.5g} t) ({name})" for name, bound in bounds.items())
+    tilt = alike["roll phi"]["exact_peak"]
+    print(
+        f"largest error of modified: {linear['predicted_max_error']:.6f} predicted, {linear['max_error']:.6f} on the linear model,"
+        f" {physics['max_error']:.4f} in MuJoCo\n"
+        f"(on the linear model output and prediction differ by at most {linear['difference_from_prediction']:.0e}).\n"
+        "The error of exact in MuJoCo comes of the tilt: U, V, W are measured along the body's own axes, which roll by\n"
+        f"up to {tilt:.3f} rad, while those of the linear model stay level.\n"
+        "start: the run begins at rest this long before the manoeuvre. preactuation time: since |u| was last below 1 % of\n"
+        "its peak; first above 1 %: since it first exceeded that. residual vibration: peak to peak over 5 periods of the\n"
+        "slowest flexible mode after the manoeuvre. fitted decay rate: of |u| before the manoeuvre, where the plans keep\n"
+        f"|u| below {bounding}."
+    )
+    for name in plans:
+        went = ", ".join(f"{distance:.3f} m {where}" for where, distance in cases[name]["displacement"].items())
+        print(f"way of the body in MuJoCo, {name}: {went}")

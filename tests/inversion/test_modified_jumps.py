@@ -1,0 +1,63 @@
+"""Modified inversion through parameter jumps: the state is continuous, e stays zero until it is disturbed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from invtrack.errors import BoundednessError
+from invtrack.inversion.modified import modified_inversion
+from invtrack.inversion.stable import invert
+from invtrack.lti.state_space import StateSpace
+from invtrack.lti.switched import SwitchedSystem
+from invtrack.signals.profiles import rest_to_rest, versine
+from tests.cited_plants import cantilever_paper
+from tests.inversion.modified_cases import PASSIVE_TWO_DISC, TWO_DISC
+
+CANTILEVER = SwitchedSystem([StateSpace(*cantilever_paper(m)) for m in (0.0, 100.0, 10.0)], [1.5, 4.0])
+SLOW = 0.234538
+
+
+def test_without_moved_zeros_it_is_the_exact_inverse() -> None:
+    plan, exact = modified_inversion(CANTILEVER, versine(), move={}, chain_poles=[-1.0, -2.0]), invert(CANTILEVER, versine())
+    t = np.linspace(-20.0, 20.0, 201)
+    assert np.max(np.abs(plan(t).u - exact(t).u)) < 1e-9 * np.max(np.abs(exact(t).u))
+    assert plan.max_error[0] < 1e-11
+
+
+@pytest.mark.parametrize("interval", [None, 0, 1, 2, [0, 2]])
+def test_state_is_continuous_and_the_output_comes_to_rest(interval: int | list[int] | None) -> None:
+    plan = modified_inversion(CANTILEVER, versine(), move={SLOW: 1.0}, chain_poles=[-1.0, -2.0], interval=interval)
+    assert max(plan.certificate.dynamics_residual, plan.certificate.continuity) < 1e-12
+    assert np.max(np.abs(plan.tracking_error([-150.0, 150.0]))) < 1e-10
+    moved = [bool(np.any(change.zeros_after != change.zeros_before)) for change in plan.modification]
+    named = range(3) if interval is None else np.atleast_1d(interval)
+    assert moved == [k in named for k in range(3)]
+
+
+def test_output_is_exact_until_it_is_disturbed() -> None:
+    plan = modified_inversion(CANTILEVER, versine(), move={SLOW: 1.0}, chain_poles=[-1.0, -2.0], interval=2)
+    before, after = np.linspace(-20.0, 4.0, 100), np.linspace(4.05, 6.2, 50)
+    assert np.max(np.abs(plan.tracking_error(before, inside=before - 1e-9))) < 1e-11
+    assert np.max(np.abs(plan.tracking_error(after))) > 1e-3
+
+
+def test_moving_the_slow_zero_before_shortens_the_preactuation() -> None:
+    exact = invert(CANTILEVER, versine())
+    plan = modified_inversion(CANTILEVER, versine(), move={SLOW: 1.0}, chain_poles=[-1.0, -2.0], interval=0)
+    assert plan.alpha == pytest.approx(1.0)
+    assert plan.preactuation < 0.3 * exact.preactuation
+
+
+def test_axis_zeros_of_an_end_can_be_moved_there_alone() -> None:
+    model = SwitchedSystem([TWO_DISC, PASSIVE_TWO_DISC], [2.0])
+    slew = rest_to_rest(0.0, 1.0, 5.0, smoothness=3)
+    plan = modified_inversion(model, slew, within=0.1, to=0.8, chain_poles=[-1.0, -2.0], interval=1)
+    assert plan.modification[0].alpha == pytest.approx(0.21998, rel=1e-4)
+    assert np.max(np.abs(plan.tracking_error([-120.0, 120.0]))) < 1e-10
+
+
+def test_more_end_conditions_than_unknowns_is_refused() -> None:
+    """Made stable before the jumps but not after them, the slow zero leaves one condition too many."""
+    with pytest.raises(BoundednessError, match=r"give 1 unknown\(s\) for the 2 condition\(s\)"):
+        modified_inversion(CANTILEVER, versine(), move={SLOW: -1.0}, chain_poles=[-1.0, -2.0], interval=0)

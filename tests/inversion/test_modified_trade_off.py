@@ -1,0 +1,73 @@
+"""The planner: preactuation against error, and the plan that makes the best of what can be afforded."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from invtrack.inversion.modified import modified_inversion
+from invtrack.inversion.trade_off import plan_for, preactuation_trade_off
+from invtrack.signals.preactuation import preactuation_at
+from invtrack.signals.profiles import rest_to_rest
+from tests.inversion.modified_cases import HE3, HE3_POLES, HOVER, PASSIVE_TWO_DISC, TWO_DISC, moved_pair
+
+SLEW = rest_to_rest(0.0, 1.0, 5.0, smoothness=3)
+CHAIN = [-1.0, -2.0]
+
+
+def test_each_point_is_its_plan() -> None:
+    trade = preactuation_trade_off(TWO_DISC, SLEW, real_parts=[0.5, 2.0], chain_poles=CHAIN, within=0.5, level=0.02)
+    for point, to in zip(trade.points, (0.5, 2.0), strict=True):
+        plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=to, chain_poles=CHAIN)
+        assert (point.real_part, point.alpha) == (to, pytest.approx(to))
+        assert point.preactuation == pytest.approx(preactuation_at(plan, 0.02))
+        assert point.max_error == pytest.approx(plan.max_error[0])
+        assert point.error_after == pytest.approx(plan.max_error_after[0])
+        assert point.peak_input == pytest.approx(np.max(np.abs(plan.input_range)))
+
+
+def test_preactuation_falls_and_error_rises() -> None:
+    trade = preactuation_trade_off(TWO_DISC, SLEW, real_parts=[0.22, 0.5, 1.0, 2.0, 4.0], chain_poles=CHAIN, within=0.5)
+    assert np.all(np.diff(trade.column("preactuation")) < 0)
+    assert np.all(np.diff(trade.column("max_error")) > 0)
+    assert "error after [-]" in str(trade)
+    assert len(str(trade).splitlines()) == 2 + 5
+
+
+def test_negative_real_parts_need_no_preactuation() -> None:
+    trade = preactuation_trade_off(TWO_DISC, SLEW, real_parts=[-1.0], chain_poles=CHAIN, within=0.5)
+    assert trade.column("preactuation")[0] == 0.0
+    assert trade.column("alpha")[0] == np.inf
+
+
+@pytest.mark.parametrize("wish", [8.0, 2.0])
+def test_plan_within_a_preactuation(wish: float) -> None:
+    plan = plan_for(TWO_DISC, SLEW, chain_poles=CHAIN, preactuation=wish, within=0.5, design="robust")
+    # The preactuation of an input that oscillates jumps from one of its half periods to the next.
+    assert wish - np.pi / 4.74976 < preactuation_at(plan) <= wish
+    nearer = modified_inversion(TWO_DISC, SLEW, within=0.5, to=0.99 * plan.alpha, chain_poles=CHAIN, design="robust")
+    assert preactuation_at(nearer) > wish  # no need to move the zeros less far, no room either
+
+
+def test_plan_within_an_error() -> None:
+    plan = plan_for(TWO_DISC, SLEW, chain_poles=CHAIN, error=0.005, zeros=[0.22 + 4.75j])
+    assert 0.99 * 0.005 < plan.relative_error <= 0.005
+    farther = modified_inversion(TWO_DISC, SLEW, within=0.5, to=1.05 * plan.alpha, chain_poles=CHAIN)
+    assert farther.relative_error > 0.005
+
+
+def test_affordable_from_the_start() -> None:
+    plan = plan_for(TWO_DISC, SLEW, chain_poles=CHAIN, preactuation=100.0, within=0.5)
+    assert plan.alpha == pytest.approx(0.21998, rel=1e-4)
+    assert plan.relative_error < 1e-5
+
+
+def test_zeros_on_the_axis() -> None:
+    plan = plan_for(PASSIVE_TWO_DISC, SLEW, chain_poles=CHAIN, preactuation=5.0, within=0.1, real_parts=(0.5, 2.0), design="robust")
+    assert 5.0 - np.pi / 4.755 < preactuation_at(plan) <= 5.0
+
+
+def test_hover() -> None:
+    pair, _ = moved_pair(2.0)
+    plan = plan_for(HE3, HOVER, chain_poles=HE3_POLES, preactuation=4.0, zeros=[pair], design="robust")
+    assert 0.99 * 4.0 < preactuation_at(plan) <= 4.0
