@@ -11,35 +11,10 @@ from hypothesis import strategies as st
 from invtrack.errors import NonHyperbolicError
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.zero_dynamics import internal_dynamics, split_dynamics, zeros, zeros_on_axis
-from tests.cited_plants import cantilever_paper
+from tests.cited_plants import HE3_A, HE3_B, HE3_C, cantilever_paper
 from tests.lti.random_plants import assert_same_set, block, pencil_zeros, plant_with
 
-# Helicopter in hover, COMPleib HE3: states U W Q V P R theta phi.
-HE3_A = np.array(
-    [
-        [-0.0046, 0.038, 0.3259, -0.0045, -0.402, -0.073, -9.81, 0],
-        [-0.1978, -0.5667, 0.357, -0.0378, -0.2149, 0.5683, 0, 0],
-        [0.0039, -0.0029, -0.2947, 0.007, 0.2266, 0.0148, 0, 0],
-        [0.0133, -0.0014, -0.4076, -0.0654, -0.4093, 0.2674, 0, 9.81],
-        [0.0127, -0.01, -0.8152, -0.0397, -0.821, 0.1442, 0, 0],
-        [-0.0285, -0.0232, 0.1064, 0.0709, -0.2786, -0.7396, 0, 0],
-        [0, 0, 1, 0, 0, 0, 0, 0],
-        [0, 0, 0, 0, 1, 0, 0, 0],
-    ]
-)
-HE3_B = np.array(
-    [
-        [0.0676, 0.1221, -0.0001, -0.0016],
-        [-1.1151, 0.1055, 0.0039, 0.0035],
-        [0.0062, -0.0682, 0.001, -0.0035],
-        [-0.017, 0.0049, 0.1067, 0.1692],
-        [-0.0129, 0.0106, 0.2227, 0.143],
-        [0.139, 0.0059, 0.0326, -0.407],
-        [0, 0, 0, 0],
-        [0, 0, 0, 0],
-    ]
-)
-HE3 = StateSpace(HE3_A, HE3_B, np.eye(8)[[0, 1, 3, 5]])
+HE3 = StateSpace(HE3_A, HE3_B, HE3_C)
 
 
 @pytest.mark.parametrize("tip_mass", [0.0, 10.0, 100.0, 1e4])
