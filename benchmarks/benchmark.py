@@ -69,7 +69,8 @@ def main(quick: bool = False, turns: int = 5) -> None:
         recording(Path(folder), int(100_000 * share), turns)
     inversion_over_samples([int(n * share) for n in (10_000, 100_000, 1_000_000)], turns)
     inversion_over_spline(share, turns)
-    inversion_over_jumps([1, 10, 100, 1000] if not quick else [1, 10, 100], turns)
+    methods_over_jumps([1, 10, 100, 1000] if not quick else [1, 10, 100], turns)
+    limits_over_steps([0.04, 0.02, 0.01] if not quick else [0.08, 0.04], turns)
     linearization(turns)
 
 
@@ -184,22 +185,50 @@ def inversion_over_spline(share: float, turns: int) -> None:
     print_table("Spline through samples: build, plan, evaluate", columns=columns, rows=rows, row_header="samples")
 
 
-def inversion_over_jumps(numbers: Sequence[int], turns: int) -> None:
-    """Plan through N jumps of the tip mass, against one jump."""
+def methods_over_jumps(numbers: Sequence[int], turns: int) -> None:
+    """Plan through N jumps of the tip mass, against one jump, by each method that knows jumps."""
     plant = cantilever()
     models = [invtrack.linearize(plant, tip_mass=mass) for mass in (0.0, 100.0, 10.0)]
     duration = 2 * np.pi
+    reference = invtrack.versine()
+    exosystem = invtrack.sinusoidal_exosystem([1.0], start=0.0, end=duration)
+    methods: dict[str, Callable[[invtrack.SwitchedSystem], object]] = {
+        "invert": lambda model: invtrack.invert(model, reference),
+        "modified_inversion": lambda model: invtrack.modified_inversion(
+            model, reference, within=0.5, to=1.0, interval=0, chain_poles=[-1.0, -2.0], design="robust"
+        ),
+        "quadratic_redesign": lambda model: invtrack.quadratic_redesign(model, reference, R=1e-5, Q_y=1.0),
+        "exosystem_map": lambda model: invtrack.exosystem_map(model, exosystem),
+    }
 
-    def plan(jumps: int) -> None:
-        model = invtrack.SwitchedSystem([models[k % 3] for k in range(jumps + 1)], duration * np.arange(1, jumps + 1) / (jumps + 1))
-        invtrack.invert(model, invtrack.versine())
+    def switched(jumps: int) -> invtrack.SwitchedSystem:
+        return invtrack.SwitchedSystem([models[k % 3] for k in range(jumps + 1)], duration * np.arange(1, jumps + 1) / (jumps + 1))
 
     rows: dict[str, dict[str, Cell]] = {}
-    for jumps in numbers:
-        timing = in_turns(lambda jumps=jumps: plan(jumps), lambda: plan(1), turns)  # type: ignore[misc]
-        rows[str(jumps)] = {"time": timing.first, "ratio": timing.ratio, "per_jump": 1e3 * timing.first / jumps}
+    for name, method in methods.items():
+        for jumps in numbers:
+            timing = in_turns(lambda: method(switched(jumps)), lambda: method(switched(1)), turns)  # noqa: B023 called at once
+            rows[f"{name}, {jumps}"] = {"time": timing.first, "ratio": timing.ratio, "per_jump": 1e3 * timing.first / jumps}
     columns = [Column("time", "s"), Column("ratio to one jump", key="ratio"), Column("per jump", "ms")]
-    print_table("Planning through parameter jumps on the cantilever", columns=columns, rows=rows, row_header="jumps")
+    print_table("Planning through parameter jumps on the cantilever", columns=columns, rows=rows, row_header="method, jumps")
+
+
+def limits_over_steps(steps: Sequence[float], turns: int) -> None:
+    """The optimum within hard limits at decreasing steps, against the one without limits, which has none."""
+    model = invtrack.StateSpace(*TWO_DISC)
+    reference = invtrack.rest_to_rest(0.0, 1.0, duration=10.0)
+    limits = invtrack.Limits(input=0.045)
+    weights = {"R": 1.0, "Q_y": 10.0}
+    rows: dict[str, dict[str, Cell]] = {}
+    for step in steps:
+        timing = in_turns(
+            lambda: invtrack.constrained_redesign(model, reference, **weights, limits=limits, step=step),  # noqa: B023 called at once
+            lambda: invtrack.quadratic_redesign(model, reference, **weights),
+            turns,
+        )
+        rows[f"{1e3 * step:g} ms"] = {"time": timing.first, "free": timing.second, "ratio": timing.ratio}
+    columns = [Column("within limits", "s", "time"), Column("without", "s", "free"), Column("ratio")]
+    print_table("Redesign of a 10 s slew within |u| <= 0.045", columns=columns, rows=rows, row_header="step")
 
 
 def linearization(turns: int) -> None:
