@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from hypothesis import settings
+import os
+
+# Before anything loads numpy: for matrices of this size threads cost more than they save, several times more on a busy machine.
+for library in ("OPENBLAS", "OMP", "MKL"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+from hypothesis import settings  # noqa: E402
 
 # The same examples in every run: a failure is never a matter of luck, and neither is a success.
 settings.register_profile("fixed", derandomize=True, deadline=None)
