@@ -44,7 +44,7 @@ def main(options: SimOptions) -> None:
         model=plant.name,
         timestep=options.timestep,
         cases={**cases, **long_cases},
-        G0=G_0,
+        **G_0,
         estimate_decay=decay,
         closed_loop_poles=[[pole.real, pole.imag] for pole in POLES],
         start=paper.nominal.start,

@@ -64,15 +64,12 @@ class OutputFeedbackLaw:
     """e_hat = e_prior + M (y_m - expected - C_m e_prior), u = u_ff - K e_hat, e_prior <- (A_d - B_d K) e_hat + drift.
 
     e = x - x_ref is the deviation from a wanted state. feedforward (m, p); x_ref (m, n); expected (m, .): the measurement in the
-    wanted state; drift (m, n): A_d x_ref + B_d (u_ff - u0) less the next x_ref, by which the deviation changes where the wanted
-    states are no motion of the plant; None: they are one. The first prior is that the plant is where it should be.
+    wanted state; drift (m, n): see `drift_of`. The first prior is that the plant is where it should be.
     """
 
-    def __init__(
-        self, feedforward: Array, x_ref: Array, expected: Array, designs: Sequence[EstimatorDesign], drift: Array | None = None
-    ) -> None:
+    def __init__(self, feedforward: Array, x_ref: Array, expected: Array, designs: Sequence[EstimatorDesign], drift: Array) -> None:
         self._feedforward, self._x_ref, self._expected, self._designs = feedforward, x_ref, expected, designs
-        self._drift = np.zeros_like(x_ref) if drift is None else drift
+        self._drift = drift
         self._prior = np.zeros(x_ref.shape[1])
         self._estimate = x_ref[0]
 
@@ -103,7 +100,11 @@ def measured_in(model: SwitchedSystem, instants: Instants, x: Array) -> Array:
 
 
 def drift_of(x_ref: Array, v: Array, designs: Sequence[EstimatorDesign]) -> Array:
-    """A_d x_ref + B_d v less the next x_ref (m, n), for wanted states x_ref (m, n) and inputs v = u - u0 (m, p); last row zero."""
+    """A_d x_ref + B_d v less the next x_ref (m, n), for wanted states x_ref (m, n) and inputs v = u - u0 (m, p); last row zero.
+
+    By this the deviation changes over a hold although nothing disturbs the plant: because the input is held, above all where the
+    plant jumps meanwhile, or because the wanted states are no motion of the plant.
+    """
     drift = np.zeros_like(x_ref)
     owner = np.array([id(design) for design in designs[:-1]])
     for key, design in {id(design): design for design in designs}.items():

@@ -17,6 +17,7 @@ from invtrack.control.plan_follower import PlanFollower
 from invtrack.control.protocol import Instants
 from invtrack.errors import ControlError
 from invtrack.signals.nominal import NominalTrajectory
+from invtrack.signals.real_arrays import real_numbers
 from invtrack.signals.regulation import RegulationMap
 
 Array = NDArray[np.float64]
@@ -61,20 +62,24 @@ class ExosystemController(PlanFollower):
         state_observer: Observer | None = None,
         period: float | None = None,
     ) -> None:
+        if not isinstance(regulation, RegulationMap):
+            raise ControlError(f"expected a RegulationMap, such as exosystem_map(...), got {type(regulation).__name__}")
         exosystem, T_i = regulation.exosystem, regulation.support[0]
         # At T_i, a breakpoint of the map and so of the run: signals are to have no breakpoints that a run does not know.
         true = exosystem.states(exosystem_state, T_i if at is None else at, T_i)
         self._wanted = exosystem.reference(true, at=T_i)
         super().__init__(regulation.nominal(true) if nominal is None else nominal, gains, period)
         self._regulation, self._true, self._at = regulation, true, T_i
-        if not reference_noise >= 0:
-            raise ControlError(f"reference_noise must not be negative, got {reference_noise}")
+        if not 0 <= reference_noise < np.inf:
+            raise ControlError(f"reference_noise must be finite and not negative, got {reference_noise}")
         if exosystem_observer is None and (initial_estimate is not None or reference_noise > 0):
             raise ControlError(
                 "initial_estimate and reference_noise are for an estimated exosystem; give an exosystem_observer too"
             )
         self._observer = None if exosystem_observer is None else ExosystemObserver(exosystem, exosystem_observer)
-        self._initial = np.zeros(exosystem.n_states) if initial_estimate is None else np.array(initial_estimate, dtype=float)
+        self._initial = (
+            np.zeros(exosystem.n_states) if initial_estimate is None else real_numbers("initial_estimate", initial_estimate)
+        )
         if self._initial.shape != (exosystem.n_states,) or not np.all(np.isfinite(self._initial)):
             raise ControlError(
                 f"expected a finite initial_estimate of the states {list(exosystem.names)}, got {initial_estimate!r}"

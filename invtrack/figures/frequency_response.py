@@ -20,6 +20,8 @@ def frequency_response_figure(
 ) -> Figure:
     """Magnitude on logarithmic axes and, below it, the continuous phase of each curve, left out with phase=False.
 
+    The phase starts between -270 and 90 degrees: a double integrator's at -180.
+
     w (m,): frequencies [rad/s], positive and increasing. curves: {name: response (m,)}. magnitude: label of the upper axis, with
     its unit. Raises InvtrackError where frequencies are not positive or not in order, and where lengths differ.
     """
@@ -36,7 +38,7 @@ def frequency_response_figure(
         for (name, curve), look in zip(curves.items(), line_looks(len(curves)), strict=True):
             all_axes[0].loglog(w, np.abs(curve), label=name, **look)
             if phase:
-                all_axes[1].semilogx(w, np.degrees(np.unwrap(np.angle(curve))), **look)
+                all_axes[1].semilogx(w, _phase(curve), **look)
         all_axes[0].set_ylabel(magnitude)
         if phase:
             all_axes[1].set_ylabel("phase [degrees]")
@@ -45,3 +47,9 @@ def frequency_response_figure(
         if len(curves) > 1:
             figure.legend(*all_axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
+
+
+def _phase(curve: ComplexArray) -> Array:
+    """Continuous phase [degrees]; a lead of more than a quarter turn at the lowest frequency counts as a lag."""
+    phase = np.degrees(np.unwrap(np.angle(curve)))
+    return np.asarray(phase - 360.0 if phase[0] > 90.0 + 1e-6 else phase)

@@ -25,6 +25,7 @@ def preactuation_figure(result: RunResult, *, preactuation_time: float, level: f
     window = (start - lead, start + 0.15 * max(lead, end - start))
     shown = (middle >= window[0]) & (middle <= window[1])
     unit = join_units(result.applied.units)
+    size = f"{peak:.3g}" if unit == "1" else f"{peak:.3g} {unit}"
     with shared_style():
         figure = new_figure(f"{result.model}: {result.name}, input before the manoeuvre", width=8, height=3.4)
         axes = figure.add_subplot()
@@ -36,7 +37,7 @@ def preactuation_figure(result: RunResult, *, preactuation_time: float, level: f
         write(axes, "$T_i$", (start, 1), axes.get_xaxis_transform(), (0, 1), ha="center", va="bottom")
         if peak > 0:
             axes.axhline(level * peak, color=COLORS[1], linewidth=1, linestyle="--")
-            text = f"{100 * level:g} % of the peak {peak:.3g} {unit}"
+            text = f"{100 * level:g} % of the peak {size}"
             write(axes, text, (0, level * peak), axes.get_yaxis_transform(), (4, 3), color=COLORS[1])
         if preactuation_time > 0 and peak > 0:
             height = level * peak * 0.4

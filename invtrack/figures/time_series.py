@@ -11,6 +11,7 @@ from invtrack.figures.style import REFERENCE, join_units, label, line_looks, new
 from invtrack.runs.result import RunResult, Signal
 
 INCHES_PER_PANEL = 1.55
+LEGEND_COLUMNS, ROW_SHARE = 3, 0.17  # entries in a row of a legend; share of a panel's height that a row takes
 
 
 def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = None) -> Figure:
@@ -51,7 +52,7 @@ def _draw_states(axes: Axes, result: RunResult, unit: str, window: tuple[float, 
         draw_line(axes, result.time[part], result.state[name][part], label=name, **look)
     for i, name in enumerate(names):
         wanted = result.state_reference[name][part]
-        draw_line(axes, result.time[part], wanted, label="reference" if i == 0 else None, **REFERENCE)
+        draw_line(axes, result.time[part], wanted, label="plan" if i == 0 else None, **REFERENCE)
     axes.set_ylabel(label(names[0], unit) if len(names) == 1 else f"states [{unit}]")
     _add_legend(axes)
 
@@ -99,6 +100,11 @@ def _axis_label(kind: str, signal: Signal) -> str:
 
 
 def _add_legend(axes: Axes) -> None:
+    """A legend in rows of up to three above the lines, for which the panel is made higher: no line lies below it."""
     handles, _ = axes.get_legend_handles_labels()
-    if len(handles) > 1:
-        axes.legend(loc="best", ncols=1 if len(handles) < 4 else 2, frameon=True, framealpha=0.75, edgecolor="none")
+    if len(handles) < 2:
+        return
+    rows = -(-len(handles) // LEGEND_COLUMNS)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + ROW_SHARE * rows * (high - low))
+    axes.legend(loc="upper left", ncols=LEGEND_COLUMNS, borderaxespad=0.2, columnspacing=1.2)

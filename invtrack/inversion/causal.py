@@ -10,9 +10,9 @@ from invtrack.errors import NonHyperbolicError
 from invtrack.inversion.bounded_solution.problem import require_channels
 from invtrack.inversion.bounded_solution.refusals import require_accurate, require_smooth
 from invtrack.inversion.bounded_solution.solution import asks_for_motion, bounded_solution, require_options
-from invtrack.inversion.modification.dynamics import has_equilibrium
-from invtrack.lti.switched import SwitchedSystem, as_switched
-from invtrack.lti.zero_dynamics import InternalDynamics, SplitDynamics, format_zeros, on_axis, split_dynamics
+from invtrack.inversion.modification.dynamics import has_equilibrium, undivided_dynamics
+from invtrack.lti.switched import as_switched
+from invtrack.lti.zero_dynamics import InternalDynamics, format_zeros, on_axis
 from invtrack.signals.certificate import certify
 from invtrack.signals.decay import Departure, actuation_times
 from invtrack.signals.deviation import deviation_reference
@@ -38,7 +38,9 @@ def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float =
     plant = as_switched(model)
     require_channels(plant, reference)
     deviation = deviation_reference(plant, reference)
-    splits = _forward_dynamics(plant)
+    splits = undivided_dynamics(plant)
+    for k, split in enumerate(splits):
+        _require_bounded(split.internal, k)
     require_smooth(plant, splits, deviation)
     solution = bounded_solution(plant, splits, deviation)
     last = splits[-1].internal
@@ -65,13 +67,6 @@ def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float =
         certificate=certificate,
         remarks=remarks,
     )
-
-
-def _forward_dynamics(plant: SwitchedSystem) -> list[SplitDynamics]:
-    known = {id(system): split_dynamics(system, endless=False) for system in plant.systems}
-    for k, system in enumerate(plant.systems):
-        _require_bounded(known[id(system)].internal, k)
-    return [known[id(system)] for system in plant.systems]
 
 
 def _require_bounded(internal: InternalDynamics, interval: int) -> None:

@@ -16,11 +16,13 @@ from invtrack.inversion.maps.admissible import Jumps, admissible_states, inadmis
 from invtrack.inversion.maps.certificate import certify_map
 from invtrack.inversion.maps.equations import solve_map
 from invtrack.inversion.maps.pieces import MapPiece, internal_parts, map_breakpoints, map_pieces
+from invtrack.inversion.maps.scaling import column_weights, unweighted, visibility
 from invtrack.lti.switched import SwitchedSystem, as_switched
 from invtrack.signals.decay import Departure, actuation_times
 from invtrack.signals.exosystem import Exosystem
 from invtrack.signals.nominal import TwoSidedTrajectory
-from invtrack.signals.regulation import PlanPieces, RegulationCertificate, RegulationMap
+from invtrack.signals.regulation import PlanPieces, RegulationMap
+from invtrack.signals.regulation_certificate import RegulationCertificate
 
 Array = NDArray[np.float64]
 
@@ -51,10 +53,11 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
     require_outputs(plant, exosystem)
     splits = split_each(plant)
     breakpoints = map_breakpoints(plant, exosystem)
-    pieces, kind = map_pieces(plant, splits, exosystem, breakpoints)
+    weights = visibility(exosystem, plant)
+    pieces, kind = map_pieces(plant, splits, exosystem, breakpoints, weights)
     solution, Z_s, Z_u = solve_map(pieces, kind, breakpoints)
     trajectory = _trajectory(pieces, kind, breakpoints, Z_s, Z_u)
-    jumps = map_jumps(trajectory, exosystem, plant.systems[0].n_states)
+    jumps = map_jumps(trajectory, exosystem, plant, weights)
     admissible = admissible_states(jumps)
     preactuation, postactuation = _times(trajectory, tolerance)
     certificate = certify_map(
@@ -62,6 +65,7 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
         exosystem,
         trajectory,
         (_finite(breakpoints[0], -preactuation), _finite(breakpoints[-1], postactuation)),
+        weights=weights,
         boundary_residual=_boundary(trajectory, pieces, kind, jumps, admissible),
         continuity=largest_jump(jumps, admissible),
     )
@@ -78,16 +82,22 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
         preactuation=preactuation,
         postactuation=postactuation,
         tolerance=tolerance,
-        admissible=admissible,
-        inadmissible=inadmissible_states(plant, jumps, exosystem, admissible),
+        weights=weights,
+        admissible=unweighted(admissible, weights),
+        inadmissible=inadmissible_states(plant, jumps, exosystem.names, admissible, weights),
         certificate=certificate,
         remarks=remarks,
     )
 
 
 def require_outputs(plant: SwitchedSystem, exosystem: Exosystem) -> None:
-    """Raises TrajectoryError unless the exosystem has one output per output of the plant."""
+    """Raises TrajectoryError unless `exosystem` is one, with one output per output of the plant."""
     names = list(plant.systems[0].output_names)
+    if not isinstance(exosystem, Exosystem):
+        raise TrajectoryError(
+            f"expected an Exosystem, such as sinusoidal_exosystem(...), got {type(exosystem).__name__}; for a single reference "
+            "use invert"
+        )
     if exosystem.n_outputs != len(names):
         raise TrajectoryError(f"the exosystem has {exosystem.n_outputs} outputs, the plant {len(names)}: {names}")
 
@@ -125,14 +135,14 @@ def _trajectory(
 
 
 def _plan_pieces(pieces: Sequence[MapPiece], kind: NDArray[np.intp], Z_s: Array, Z_u: Array) -> PlanPieces:
-    """[Z; I] in units of the pieces: from x_e at their ends to the two-sided states [z; x_e] of a plan."""
+    """[Z; I] times the weights of the pieces: from x_e at their ends to the two-sided states [z; x_e] of a plan."""
     count, q = len(kind), Z_s.shape[2]
     Z_f, Z_b = np.zeros((count, Z_s.shape[1] + q, q)), np.zeros((count, Z_u.shape[1] + q, q))
     for j, piece in enumerate(pieces[k] for k in kind):
         n_s, n_u = len(piece.split.A_s), len(piece.split.A_u)
-        Z_f[j, :n_s] = (Z_s[j, :n_s] + piece.steady_s) / piece.units
-        Z_b[j, :n_u] = (Z_u[j, :n_u] + piece.steady_u) / piece.units
-        Z_f[j, n_s : n_s + q] = Z_b[j, n_u : n_u + q] = np.diag(1 / piece.units)
+        Z_f[j, :n_s] = (Z_s[j, :n_s] + piece.steady_s) * piece.weights
+        Z_b[j, :n_u] = (Z_u[j, :n_u] + piece.steady_u) * piece.weights
+        Z_f[j, n_s : n_s + q] = Z_b[j, n_u : n_u + q] = np.diag(piece.weights)
     return PlanPieces(tuple(piece.plan for piece in pieces), kind, Z_f, Z_b)
 
 
@@ -154,17 +164,17 @@ def _boundary(
 ) -> float:
     """How far Z_s is from its particular solution just after the first breakpoint, and Z_u from its own just before the last one.
 
-    From values of G inside the manoeuvre, on the admissible states; where the plant is the same on both sides on all of them.
+    From values of G inside the manoeuvre, on the admissible (weighted) states; where the plant is the same on both sides on all.
     """
     edges, worst = trajectory.breakpoints, 0.0
     for end, inside, part in ((0, 1, 0), (-1, len(kind) - 2, 1)):
         piece, q = pieces[kind[end]], len(admissible)
-        n = len(piece.split.internal.form.V)
-        values = trajectory(edges[[end]], np.array([inside]), slice(0, n * q)).reshape(n, q)
+        n, w = len(piece.split.internal.form.V), column_weights(piece.weights)
+        values = trajectory(edges[[end]], np.array([inside]), slice(0, n * q)).reshape(n, q) / w
         states = np.eye(q)
         if pieces[kind[inside]].split is not piece.split:
             states = jumps.Phi[end] @ admissible
-        away = internal_parts(piece, (values - piece.base[:n] / piece.units) @ states)[part]
+        away = internal_parts(piece, (values - piece.base[:n]) @ states)[part]
         size = float(np.max(np.abs(values @ states), initial=0.0))
         worst = max(worst, float(np.max(np.abs(away), initial=0.0)) / (size if size > 0 else 1.0))
     return worst

@@ -12,6 +12,7 @@ from invtrack.inversion.exosystem_map import require_outputs
 from invtrack.inversion.maps.admissible import admissible_states, inadmissible_states, largest_jump, map_jumps
 from invtrack.inversion.maps.certificate import certify_map
 from invtrack.inversion.maps.pieces import inner_times, map_breakpoints
+from invtrack.inversion.maps.scaling import unweighted, visibility
 from invtrack.inversion.regulator import francis
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem, as_switched
@@ -52,7 +53,8 @@ def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem
     require_outputs(plant, exosystem)
     breakpoints = map_breakpoints(plant, exosystem)
     middles = inner_times(breakpoints)
-    q = exosystem.n_states
+    weights = visibility(exosystem, plant)
+    comparable = exosystem.weighted(weights)
     generators: list[TwoSidedGenerator] = []
     plans: list[TwoSidedGenerator] = []
     found: dict[tuple[int, int, int, bool], int] = {}
@@ -62,13 +64,13 @@ def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem
         key = (id(assumed.systems[k]), id(exosystem.A[e]), id(exosystem.C[e]), j == 0)
         if key not in found:
             found[key] = len(generators)
-            generator, plan = _generators(assumed.systems[k], exosystem.A[e], exosystem.C[e], before=j == 0)
+            generator, plan = _generators(assumed.systems[k], comparable.A[e], comparable.C[e], weights, before=j == 0)
             generators.append(generator)
             plans.append(plan)
         kind[j] = found[key]
     trajectory = TwoSidedTrajectory(breakpoints, tuple(generators), kind, np.ones((len(kind), 1)), np.ones((len(kind), 1)))
-    identity = np.broadcast_to(np.eye(q), (len(kind), q, q))
-    jumps = map_jumps(trajectory, exosystem, plant.systems[0].n_states)
+    weighting = np.broadcast_to(np.diag(weights), (len(kind), len(weights), len(weights)))
+    jumps = map_jumps(trajectory, exosystem, plant, weights)
     admissible = admissible_states(jumps)
     support = (float(breakpoints[0]), float(breakpoints[-1]))
     return RegulationMap(
@@ -76,27 +78,31 @@ def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem
         model=plant,
         exosystem=exosystem,
         trajectory=trajectory,
-        pieces=PlanPieces(tuple(plans), kind, identity, identity),
+        pieces=PlanPieces(tuple(plans), kind, weighting, weighting),
         support=support,
         preactuation=0.0,
         postactuation=0.0,
         tolerance=0.0,
-        admissible=admissible,
-        inadmissible=inadmissible_states(plant, jumps, exosystem, admissible),
+        weights=weights,
+        admissible=unweighted(admissible, weights),
+        inadmissible=inadmissible_states(plant, jumps, exosystem.names, admissible, weights),
         certificate=certify_map(
             plant,
             exosystem,
             trajectory,
             support,
+            weights=weights,
             boundary_residual=0.0,
-            continuity=largest_jump(jumps, np.eye(q)),
+            continuity=largest_jump(jumps, np.eye(len(weights))),
         ),
         remarks=("jumps where the plant or the exosystem switches: no trajectory of the plant, but what is usually aimed at",),
     )
 
 
-def _generators(system: StateSpace, A_e: Array, C_e: Array, *, before: bool) -> tuple[TwoSidedGenerator, TwoSidedGenerator]:
-    """Those of [G; F], constant, and of [x; u; y], driven by x_e; before the first breakpoint both run backward."""
+def _generators(
+    system: StateSpace, A_e: Array, C_e: Array, weights: Array, *, before: bool
+) -> tuple[TwoSidedGenerator, TwoSidedGenerator]:
+    """Those of [G; F], constant, and of [x; u; y], driven by w x_e; before the first breakpoint both run backward."""
     n, p, q = system.n_states, system.n_channels, len(A_e)
     rows = np.zeros((n + p, q))  # no output, no motion: also where the plant could not hold a constant one
     if np.any(C_e):
@@ -104,7 +110,7 @@ def _generators(system: StateSpace, A_e: Array, C_e: Array, *, before: bool) -> 
         rows = np.vstack([regulator.Pi, regulator.Gamma])
     planned = np.vstack([rows, system.C @ rows[:n] + system.D @ rows[n:]])
     return (
-        _one_sided(np.zeros((1, 1)), rows.reshape(-1, 1), before=before),
+        _one_sided(np.zeros((1, 1)), (rows * weights).reshape(-1, 1), before=before),
         _one_sided(A_e, planned, before=before),
     )
 

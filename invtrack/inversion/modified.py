@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -14,12 +15,12 @@ from invtrack.inversion.bounded_solution.refusals import require_accurate, requi
 from invtrack.inversion.bounded_solution.solution import asks_for_motion, require_options
 from invtrack.inversion.modification.design import least_error_design, robust_design
 from invtrack.inversion.modification.design_problem import DesignProblem, Solved
-from invtrack.inversion.modification.dynamics import equilibrium, has_equilibrium
-from invtrack.inversion.modification.moved_zeros import Wish, require_movable
+from invtrack.inversion.modification.dynamics import equilibrium, has_equilibrium, undivided_dynamics
+from invtrack.inversion.modification.moved_zeros import Wish, intervals_named, require_movable
 from invtrack.inversion.modification.placement import MovablePart, movable_part
 from invtrack.inversion.modification.trajectory import Modification, ModifiedTrajectory
 from invtrack.lti.switched import SwitchedSystem, as_switched
-from invtrack.lti.zero_dynamics import InternalDynamics, SplitDynamics, split_dynamics
+from invtrack.lti.zero_dynamics import InternalDynamics
 from invtrack.signals.certificate import certify
 from invtrack.signals.decay import actuation_times
 from invtrack.signals.deviation import deviation_reference
@@ -55,7 +56,8 @@ def modified_inversion(
 
     chain_poles: as many as the relative degrees add up to, output by output. move: {zero: where it goes} [rad/s], zeros to four
     digits, conjugates implied; or within, to: all zeros with |Re| <= within get the real part `to` (positive: still preactuation,
-    faster; negative: postactuation instead). interval: where zeros are moved, for a switched model (default: everywhere).
+    faster; negative: postactuation instead). interval: where zeros are moved, for a switched model (default: everywhere; a name
+    moves the zero in those of the intervals that have it).
     design: "least error" works out several choices of the freedom in F (several outputs) and L (least squares) and keeps the one
     with the least integral square of the error for this reference; "robust" places robustly, L = 0. output_scale (p,): sizes at
     which errors of the outputs count alike; default: the peak of each output's motion, the largest of these for those that hold.
@@ -72,14 +74,17 @@ def modified_inversion(
     require_channels(plant, reference)
     deviation = deviation_reference(plant, reference)
     wish = Wish(move, within, to)
-    splits = _exact_dynamics(plant)
+    splits = undivided_dynamics(plant)
     require_smooth(plant, splits, deviation)
-    named = _named_intervals(plant, interval)
-    choices = _choices(plant, splits, wish, named, chain_poles)
-    _require_equilibrium(plant, splits, deviation)
+    internals = [split.internal for split in splits]
+    choices = _choices(plant, internals, wish, intervals_named(interval, len(plant)), chain_poles)
+    _require_equilibrium(plant, internals, deviation)
     scale = _output_scale(output_scale, deviation)
-    problem = DesignProblem(plant, [s.internal for s in splits], [c[0] for c in choices], [c[2] for c in choices], deviation, scale)
+    problem = DesignProblem(plant, internals, [c[0] for c in choices], [c[2] for c in choices], deviation, scale)
     solved = least_error_design(problem) if design == "least error" else robust_design(problem)
+    if within is not None and not any(len(part.targets) for part in problem.parts):
+        remark = f"no zeros were moved: within {within:g} rad/s of the imaginary axis there are none that are not at {to:g} already"
+        solved = replace(solved, remarks=(*solved.remarks, remark))
     return _plan(problem, solved, reference, [c[1] for c in choices], tolerance, max_preactuation)
 
 
@@ -121,43 +126,29 @@ def _plan(
     )
 
 
-def _exact_dynamics(plant: SwitchedSystem) -> list[SplitDynamics]:
-    known = {id(system): split_dynamics(system, endless=False) for system in plant.systems}
-    return [known[id(system)] for system in plant.systems]
-
-
-def _named_intervals(plant: SwitchedSystem, interval: int | Sequence[int] | None) -> set[int]:
-    if interval is None:
-        return set(range(len(plant)))
-    named = {interval} if isinstance(interval, int) else set(interval)
-    if not named <= set(range(len(plant))):
-        raise InversionError(f"interval must name intervals from 0 to {len(plant) - 1}, got {sorted(named)}")
-    return named
-
-
 def _choices(
-    plant: SwitchedSystem, splits: list[SplitDynamics], wish: Wish, named: set[int], chain_poles: Sequence[complex]
+    plant: SwitchedSystem, internals: list[InternalDynamics], wish: Wish, named: list[int], chain_poles: Sequence[complex]
 ) -> list[tuple[MovablePart, ComplexArray, ComplexArray]]:
     """Per interval: the part to place, all zeros where they go, and those that stay."""
+    wish.require_known(np.concatenate([internals[k].zeros for k in named]))
     choices = []
-    for k, (system, split) in enumerate(zip(plant.systems, splits, strict=True)):
-        internal: InternalDynamics = split.internal
+    for k, (system, internal) in enumerate(zip(plant.systems, internals, strict=True)):
         moved, after = np.zeros(len(internal.zeros), dtype=bool), internal.zeros
         if k in named:
             moved, after = wish.targets(internal.zeros)
-        require_movable(system, internal, moved, endless=k in (0, len(plant) - 1))
+        require_movable(system, internal, moved, interval=k, endless=k in (0, len(plant) - 1))
         choices.append((movable_part(internal, moved, after, chain_poles), after, internal.zeros[~moved]))
     return choices
 
 
-def _require_equilibrium(plant: SwitchedSystem, splits: list[SplitDynamics], deviation: PiecewiseSignal) -> None:
+def _require_equilibrium(plant: SwitchedSystem, internals: list[InternalDynamics], deviation: PiecewiseSignal) -> None:
     """With a zero at the origin not every value of the output can be held: those held at the ends have to be among them."""
-    for split, t in ((splits[0], deviation.breakpoints[0] - 1.0), (splits[-1], deviation.breakpoints[-1] + 1.0)):
-        if has_equilibrium(split.internal):
+    for internal, t in ((internals[0], deviation.breakpoints[0] - 1.0), (internals[-1], deviation.breakpoints[-1] + 1.0)):
+        if has_equilibrium(internal):
             continue
         held = deviation(t)
-        left = equilibrium(split.internal).residual @ held
-        terms = np.linalg.norm(np.hstack([split.internal.A_zeta, split.internal.B_r])) * np.max(deviation.size(0))
+        left = equilibrium(internal).residual @ held
+        terms = np.linalg.norm(np.hstack([internal.A_zeta, internal.B_r])) * np.max(deviation.size(0))
         if np.linalg.norm(left) > HELD_TOLERANCE * terms:
             raise InversionError(
                 f"a zero at the origin: the internal dynamics have no equilibrium in which the outputs "
@@ -170,9 +161,14 @@ def _output_scale(output_scale: ArrayLike | None, deviation: PiecewiseSignal) ->
     motion = _motion(deviation)
     if output_scale is None:
         return np.where(motion > 0, motion, np.max(motion)) if np.any(motion > 0) else np.ones(len(motion))
-    scale = np.broadcast_to(np.asarray(output_scale, dtype=float), motion.shape).copy()
-    if not np.all(np.isfinite(scale) & (scale > 0)):
-        raise InversionError(f"output_scale must be positive, one number or one per output, got {scale.tolist()}")
+    try:
+        scale = np.broadcast_to(np.asarray(output_scale, dtype=float), motion.shape).copy()
+    except (TypeError, ValueError):
+        scale = np.zeros(0)
+    if not scale.size or not np.all(np.isfinite(scale) & (scale > 0)):
+        raise InversionError(
+            f"output_scale must be positive, one number or one for each of {len(motion)} outputs, got {output_scale!r}"
+        )
     return scale
 
 

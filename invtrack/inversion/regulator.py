@@ -13,6 +13,7 @@ from invtrack.errors import InversionError, TrajectoryError
 from invtrack.lti.balancing import balancing_scale
 from invtrack.lti.state_space import StateSpace, as_state_space
 from invtrack.lti.zero_dynamics import format_zeros
+from invtrack.signals.real_arrays import real_numbers
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -47,9 +48,11 @@ def francis(system: Any, A_e: ArrayLike, C_e: ArrayLike) -> Regulator:
     Devasia, Paden, Rossi 1996, section 3.
     """
     plant = as_state_space(system)
-    A_x, C_x = np.atleast_2d(np.asarray(A_e, dtype=float)), np.atleast_2d(np.asarray(C_e, dtype=float))
+    A_x, C_x = (np.atleast_2d(real_numbers(name, value)) for name, value in (("A_e", A_e), ("C_e", C_e)))
     q = len(A_x)
-    if A_x.shape != (q, q) or C_x.shape != (plant.n_channels, q):
+    if not (np.all(np.isfinite(A_x)) and np.all(np.isfinite(C_x))):
+        raise TrajectoryError("A_e or C_e has entries that are not finite")
+    if A_x.shape != (q, q) or C_x.shape != (plant.n_channels, q) or not q:
         raise TrajectoryError(
             f"expected A_e (q, q) and C_e ({plant.n_channels}, q) for the outputs {list(plant.output_names)}, got {A_x.shape} and "
             f"{C_x.shape}"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import InversionError
-from invtrack.inversion.modification.moved_zeros import Wish
+from invtrack.inversion.modification.moved_zeros import Wish, intervals_named
 from invtrack.inversion.modification.trade_off_table import TradeOff, TradeOffPoint
 from invtrack.inversion.modification.trajectory import ModifiedTrajectory
 from invtrack.inversion.modified import modified_inversion
@@ -54,14 +54,17 @@ def preactuation_trade_off(
 ) -> TradeOff:
     """What each of `real_parts` [rad/s] for the offending zeros costs in tracking error and gains in preactuation.
 
-    The zeros are those with |Re| <= within, or the `zeros` named (conjugates implied); they keep their imaginary parts. level:
-    share of the peak input from which on the preactuation counts. chain_poles and further options: as for
-    `modified_inversion`, which is worked out once per real part.
+    The zeros are those with |Re| <= within, or the `zeros` named (conjugates implied); their imaginary parts stay (those of names
+    as they are written). level: share of the peak input from which on the preactuation counts. chain_poles and further options: as
+    for `modified_inversion`, which is worked out once per real part.
 
-    Raises InversionError for neither or both of within and zeros, and as `modified_inversion` does.
+    Raises InversionError for neither or both of within and zeros, without real parts, and as `modified_inversion` does.
     """
+    values = np.asarray(real_parts, dtype=float).reshape(-1)
+    if not values.size:
+        raise InversionError("expected at least one entry in real_parts [rad/s], got none")
     plan, moved = _planner(model, reference, within, zeros, chain_poles=chain_poles, **options)
-    return TradeOff(tuple(_point(float(a), plan(float(a)), level) for a in real_parts), level, tuple(complex(z) for z in moved))
+    return TradeOff(tuple(_point(float(a), plan(float(a)), level) for a in values), level, tuple(complex(z) for z in moved))
 
 
 def plan_for(
@@ -92,9 +95,10 @@ def plan_for(
             f"expected a positive preactuation [s] or a positive error, got preactuation={preactuation}, error={error}"
         )
     plan, moved = _planner(model, reference, within, zeros, chain_poles=chain_poles, **options)
-    low, high = real_parts or _range(moved)
-    if not 0 < low < high:
+    limits = np.asarray(_range(moved) if real_parts is None else real_parts, dtype=float)
+    if limits.shape != (2,) or not 0 < limits[0] < limits[1] < np.inf:
         raise InversionError(f"real_parts must be two positive numbers that increase, got {real_parts}")
+    low, high = limits
     scan = np.geomspace(low, high, SCAN)
     if preactuation is not None:
         return _first_within(plan, scan, partial(preactuation_at, level=level), preactuation, "preactuation [s]")
@@ -142,11 +146,19 @@ def _planner(
     model: Any, reference: PiecewiseSignal, within: float | None, named: Sequence[complex] | None, **options: Any
 ) -> tuple[Callable[[float], ModifiedTrajectory], ComplexArray]:
     """The modified inverse as a function of the real part, and the zeros that it moves."""
-    if (within is None) == (named is None):
+    names = np.zeros(0, dtype=complex) if named is None else np.asarray(named, dtype=complex).reshape(-1)
+    if (within is None) == (not names.size):
         raise InversionError(f"expected either within=... or zeros=[...], got within={within}, zeros={named}")
+    searched = sorted({"move", "to"} & options.keys())
+    if searched:
+        raise InversionError(
+            f"{' and '.join(searched)} cannot be given: where the zeros go is what is varied; say which they are by within or zeros"
+        )
     plant = as_switched(model)
-    present = np.unique(np.concatenate([zeros(plant.systems[k]) for k in _intervals(options.get("interval"), len(plant))]))
-    wish = Wish({complex(z): complex(1.0, complex(z).imag) for z in named}, None, None) if named else Wish(None, within, 1.0)
+    present = np.unique(np.concatenate([zeros(plant.systems[k]) for k in intervals_named(options.get("interval"), len(plant))]))
+    elsewhere = 1.0 + 2 * float(np.max(np.abs(present), initial=0.0))
+    wish = Wish(_moves(names, elsewhere), None, None) if names.size else Wish(None, within, elsewhere)
+    wish.require_known(present)
     moved = present[wish.targets(present)[0]]
     if not moved.size:
         raise InversionError(
@@ -156,17 +168,13 @@ def _planner(
     def plan(real_part: float) -> ModifiedTrajectory:
         if within is not None:
             return modified_inversion(plant, reference, within=within, to=real_part, **options)
-        move = {complex(z): complex(real_part, complex(z).imag) for z in named or ()}
-        return modified_inversion(plant, reference, move=move, **options)
+        return modified_inversion(plant, reference, move=_moves(names, real_part), **options)
 
     return plan, moved
 
 
-def _intervals(interval: int | Sequence[int] | None, count: int) -> list[int]:
-    if interval is None:
-        return list(range(count))
-    named = [interval] if isinstance(interval, int) else list(interval)
-    return [k for k in named if 0 <= k < count]  # others are refused by the inversion
+def _moves(names: ComplexArray, real_part: float) -> dict[complex, complex]:
+    return {complex(z): complex(real_part, z.imag) for z in names}
 
 
 def _range(moved: ComplexArray) -> tuple[float, float]:

@@ -143,8 +143,9 @@ def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics
     if np.any(refused) and endless:
         kinds = zero_kinds(system, internal.zeros)
         raise NonHyperbolicError(_axis_message(internal, refused, kinds))
-    limit = 1.001 * float(np.max(internal.zeros[refused].real, initial=0.0))  # rounding may put a double zero on either side
-    return split_by(internal, lambda zero: zero.real <= limit)
+    stable = refused | (internal.zeros.real <= 0)
+    # By the nearest zero: reordering the Schur form puts one on the axis to either side of it.
+    return split_by(internal, lambda zero: bool(stable[np.argmin(np.abs(internal.zeros - zero))]))
 
 
 def split_by(internal: InternalDynamics, stable: Callable[[complex], bool]) -> SplitDynamics:

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import RedesignError
 from invtrack.lti.switched import as_switched
+from invtrack.redesign.limited.first_window import LimitedProblem
 from invtrack.redesign.limited.limit_check import ActiveLimit, active_limits
 from invtrack.redesign.limited.tails import Tail, tails_of
-from invtrack.redesign.limited.window import KEPT, LimitedProblem, LimitedSolution, free_excess, solve_limited
+from invtrack.redesign.limited.window import KEPT, LimitedSolution, free_excess, solve_limited
 from invtrack.redesign.limits import Bound, Limits, bounds_of
 from invtrack.redesign.quadratic import ACCURACY, quadratic_redesign
 from invtrack.redesign.weights import as_weights
@@ -31,7 +32,7 @@ LEAST_MARGIN = 1e-6
 """How far inside its limits a plan must be at rest, as a share of their size: a tail that dies out there keeps within them."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ConstrainedTrajectory(NominalTrajectory):
     """A plan with limits. active: the limits that it touches, and when. step [s]: longest over which the input is linear.
 
@@ -64,11 +65,11 @@ def constrained_redesign(
     Where the optimum without limits keeps within them it is returned as it is. Otherwise the input is continuous (but for the jumps
     of B and D) and linear in time over steps within a window around the manoeuvre; before and after the window the plan is the
     optimum without limits in closed form, whose exact cost is part of the programme, so no horizon is truncated. The window is
-    widened until that part keeps within the limits too; then nothing is lost by leaving them out there. Within a step transitions
-    and costs are exact (matrix exponentials). Inputs and rates keep their limits at every instant, to rounding; states and outputs
-    to 1e-6 of them, checked between the steps' ends, where further instants are imposed as needed. As `step` goes to zero the plan
-    tends to the optimum among all inputs, its cost and its input with an error of order step^2 away from the instants at which a
-    limit begins or ceases to act.
+    widened until that part keeps within the limits too and none acts where it joins; then nothing is lost by leaving them out
+    there. Within a step transitions and costs are exact (matrix exponentials). Inputs and rates keep their limits at every instant,
+    to rounding; states and outputs to 1e-6 of them, checked between the steps' ends, where further instants are imposed as needed.
+    As `step` goes to zero the plan tends to the optimum among all inputs, its cost and its input with an error of order step^2 away
+    from the instants at which a limit begins or ceases to act.
 
     model, reference, R, Q_x, Q_y, tolerance, max_preactuation: as in `quadratic_redesign`. step [s]: by default such that linear
     interpolation of the optimal input without limits misses it by 1e-5 of its peak (up to 1e-3 where that takes many steps).

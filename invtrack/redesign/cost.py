@@ -13,10 +13,12 @@ from invtrack.signals.nominal import NominalTrajectory
 Array = NDArray[np.float64]
 
 CONVERGED = 1e-12
-"""Panels are halved until the integral changes by less than this share of itself."""
+"""A panel is halved until that changes its part of the integral by no more than this share of the whole."""
 
-MOST_PANELS = 2**21
-"""Panels in all, at most."""
+NODES, NODE_WEIGHTS = np.polynomial.legendre.leggauss(10)
+
+MOST_PANELS = 2**17
+"""Panels that are halved at once, at most."""
 
 AT_REST = 1e-12
 """A cost per second far outside the plan of no more than this share of its peak is rounding, not a cost that goes on for ever."""
@@ -37,17 +39,26 @@ def cost(nominal: NominalTrajectory, *, R: ArrayLike, Q_x: ArrayLike = 0.0, Q_y:
     far = _rate(nominal, weights, np.array([edges[0], edges[-1]]) + np.array([-10.0, 10.0]) * (length + 1.0), None)
     if np.max(far) > AT_REST * np.max(_rate(nominal, weights, middle, None)):
         return math.inf
-    nodes, node_weights = np.polynomial.legendre.leggauss(10)
-    previous, per_piece = math.nan, 2
+    left, right = edges[:-1], edges[1:]
+    whole, total = _integrals(nominal, weights, left, right), 0.0
     while True:
-        shares = (np.arange(per_piece)[:, None] + (nodes + 1) / 2) / per_piece
-        times = edges[:-1, None] + np.diff(edges)[:, None] * shares.ravel()
-        rate = _rate(nominal, weights, times.ravel(), np.repeat(middle, shares.size)).reshape(times.shape)
-        total = float(np.diff(edges) @ (rate @ np.tile(node_weights, per_piece))) / (2 * per_piece)
-        per_piece *= 2
-        if abs(total - previous) <= CONVERGED * total or per_piece * len(middle) > MOST_PANELS // len(nodes):
-            return total
-        previous = total
+        centre = (left + right) / 2
+        left, right = np.column_stack([left, centre]).ravel(), np.column_stack([centre, right]).ravel()
+        halves = _integrals(nominal, weights, left, right)
+        change = np.abs(halves[::2] + halves[1::2] - whole)
+        unsettled = np.repeat(change > CONVERGED * (total + float(np.sum(halves))), 2)
+        total += float(np.sum(halves[~unsettled]))
+        left, right, whole = left[unsettled], right[unsettled], halves[unsettled]
+        if len(whole) == 0 or len(whole) > MOST_PANELS:
+            return total + float(np.sum(whole))
+
+
+def _integrals(nominal: NominalTrajectory, weights: Weights, left: Array, right: Array) -> Array:
+    """What each panel between left and right (m,) adds, by Gauss's rule: (m,)."""
+    middle, half = (left + right) / 2, (right - left) / 2
+    times = middle[:, None] + half[:, None] * NODES
+    rate = _rate(nominal, weights, times.ravel(), np.repeat(middle, len(NODES))).reshape(times.shape)
+    return np.asarray(half * (rate @ NODE_WEIGHTS))
 
 
 def _edges(nominal: NominalTrajectory) -> Array:

@@ -16,16 +16,11 @@ from invtrack.redesign.frequency.reference_spectrum import held_values, rate_spe
 from invtrack.redesign.frequency.refinement import refine
 from invtrack.redesign.frequency.response import FrequencyResponse, OptimalResponse, factoring_gain, time_scales
 from invtrack.redesign.frequency.weights import WeightLike, frequency_weight
+from invtrack.redesign.holding import FREE_HOLDING, without_rounding
 from invtrack.signals.piecewise import PiecewiseSignal
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-FREE_HOLDING = 1e-12
-"""Holding an output counts as free where it costs less per second than this share of what leaving it at zero would cost."""
-
-AT_REST = 1e-12
-"""A held value this close to the operating point's output, as a share of the reference's size, is off it by rounding only."""
 
 ZERO_TOLERANCE = 1e-12
 """G_y counts as singular where its smallest singular value is below this share of the terms it is the sum of."""
@@ -132,8 +127,8 @@ class Prefilter:
                 f"the reference has {reference.n_channels} channels, the plant {model.n_channels} outputs "
                 f"{list(model.output_names)}"
             )
-        held = np.array(held_values(reference)) - model.operating_point.y0
-        held[np.abs(held) <= AT_REST * np.maximum(reference.size(0), np.abs(model.operating_point.y0))] = 0.0
+        y_0 = model.operating_point.y0
+        held = without_rounding(np.array(held_values(reference)) - y_0, reference, y_0)
         self._require_free_holding(held)
         initial = (self.response(np.zeros(1)).stacked[0].real @ held[0]).astype(float)
         start, end = reference.support

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import RedesignError, TrajectoryError
 from invtrack.lti.switched import SwitchedSystem, as_switched
+from invtrack.redesign.holding import FREE_HOLDING
 from invtrack.redesign.optimal.assembly import Redesign, assemble
 from invtrack.redesign.weights import Weights, as_weights
 from invtrack.signals.certificate import certify
@@ -21,9 +22,6 @@ Array = NDArray[np.float64]
 
 ACCURACY = 1e-8
 """Largest residual of a plan's dynamics, relative to its size, with which it is handed out."""
-
-FREE_HOLDING = 1e-12
-"""Holding an output counts as free where it costs less per second than this share of what not moving there at all would cost."""
 
 
 def quadratic_redesign(
@@ -64,7 +62,7 @@ def quadratic_redesign(
         raise TrajectoryError(f"the reference has {reference.n_channels} channels, the plant {len(names)} outputs {names}")
     deviation = _deviation(plant, reference)
     plan = assemble(plant, deviation, weights)
-    _require_free_holding(plant, plan, deviation, weights)
+    _require_free_holding(plant, plan, weights)
     preactuation, postactuation, remarks = actuation_times(plan.trajectory, plan.departures, tolerance, max_preactuation)
     support = deviation.support
     certificate = certify(plant, plan.trajectory, deviation, (support[0] - preactuation, support[1] + postactuation))
@@ -96,7 +94,7 @@ def _deviation(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSi
     return deviation_reference(plant, reference)
 
 
-def _require_free_holding(plant: SwitchedSystem, plan: Redesign, reference: PiecewiseSignal, weights: Weights) -> None:
+def _require_free_holding(plant: SwitchedSystem, plan: Redesign, weights: Weights) -> None:
     """Raises RedesignError where the plan goes on costing something at rest before or after the manoeuvre."""
     n, p = plant.systems[0].n_states, plant.systems[0].n_channels
     for wanted, values, when in zip(plan.held, plan.held_values, ("before", "after"), strict=True):

@@ -1,4 +1,4 @@
-"""The three weights of a quadratic redesign, checked where they enter."""
+"""The weights of a redesign, checked where they enter."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from invtrack.errors import RedesignError
 from invtrack.lti.switched import SwitchedSystem
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 SYMMETRY_TOLERANCE = 1e-9
 """Largest share of a weight by which an entry may differ from the one across the diagonal."""
@@ -47,9 +48,9 @@ def as_weights(plant: SwitchedSystem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: Arra
     system = plant.systems[0]
     n, p = system.n_states, system.n_channels
     weights = Weights(
-        R=_weight("R", R, p, f"inputs {list(system.input_names)}"),
-        Q_x=_weight("Q_x", Q_x, n, f"states {list(system.state_names)}"),
-        Q_y=_weight("Q_y", Q_y, p, f"outputs {list(system.output_names)}"),
+        R=real_weight("R", R, p, meaning=f"inputs {list(system.input_names)}"),
+        Q_x=real_weight("Q_x", Q_x, n, meaning=f"states {list(system.state_names)}"),
+        Q_y=real_weight("Q_y", Q_y, p, meaning=f"outputs {list(system.output_names)}"),
     )
     smallest = min(_smallest_eigenvalue(weights.input_weight(system.D)) for system in plant.systems)
     if smallest <= SEMIDEFINITE_TOLERANCE:
@@ -61,28 +62,48 @@ def as_weights(plant: SwitchedSystem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: Arra
     return weights
 
 
-def _weight(name: str, value: ArrayLike, size: int, meaning: str) -> Array:
+def weight_matrix(name: str, value: ArrayLike, size: int, *, meaning: str = "", where: str = "") -> ComplexArray:
+    """A weight as Hermitian positive semidefinite matrix (size, size); a number stands for that multiple of the identity.
+
+    meaning, where: what it weighs and at which frequency, for messages. Raises RedesignError for a value that is none.
+    """
     try:
-        matrix: Array = np.asarray(value, dtype=float)
+        matrix: ComplexArray = np.asarray(value, dtype=complex)
     except (TypeError, ValueError) as error:
-        raise RedesignError(f"{name} must be a number or a matrix of numbers: {error}") from error
+        raise RedesignError(f"{name} must be a number or a matrix of numbers{where}: {error}") from error
     matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
     if matrix.shape != (size, size):
-        raise RedesignError(f"{name} must be a number or a ({size}, {size}) matrix for the {meaning}, got shape {matrix.shape}")
+        expected = f"a number or a ({size}, {size}) matrix" + (f" for the {meaning}" if meaning else "")
+        raise RedesignError(f"{name} must be {expected}, got shape {matrix.shape}{where}")
     if not np.all(np.isfinite(matrix)):
-        raise RedesignError(f"{name} has entries that are not finite")
+        raise RedesignError(f"{name} has entries that are not finite{where}")
     # Entry by entry against its own row and column: the units of the channels may differ by orders of magnitude.
-    size_of = np.sqrt(np.abs(np.diag(matrix)))
-    if np.any(np.abs(matrix - matrix.T) > SYMMETRY_TOLERANCE * (np.outer(size_of, size_of) + np.abs(matrix))):
-        raise RedesignError(f"{name} must be symmetric, its halves differ by up to {np.max(np.abs(matrix - matrix.T)):.3g}")
-    matrix = np.asarray((matrix + matrix.T) / 2)
+    size_of, mirrored = np.sqrt(np.abs(np.diag(matrix))), matrix.conj().T
+    if np.any(np.abs(matrix - mirrored) > SYMMETRY_TOLERANCE * (np.outer(size_of, size_of) + np.abs(matrix))):
+        kind = "Hermitian" if np.any(matrix.imag) else "symmetric"
+        raise RedesignError(f"{name} must be {kind}, its halves differ by up to {np.max(np.abs(matrix - mirrored)):.3g}{where}")
+    matrix = (matrix + mirrored) / 2
     smallest = _smallest_eigenvalue(matrix)
     if smallest < -SEMIDEFINITE_TOLERANCE * size:
-        raise RedesignError(f"{name} must be positive semidefinite, its smallest eigenvalue is {smallest:.3g} of its size")
+        raise RedesignError(f"{name} must be positive semidefinite, its smallest eigenvalue is {smallest:.3g} of its size{where}")
     return matrix
 
 
-def _smallest_eigenvalue(matrix: Array) -> float:
+def real_weight(name: str, value: ArrayLike, size: int, *, meaning: str = "") -> Array:
+    """The same of a weight that does not vary with frequency, which is real.
+
+    Raises RedesignError where it is not, besides what `weight_matrix` does.
+    """
+    matrix = weight_matrix(name, value, size, meaning=meaning)
+    if np.any(np.abs(matrix.imag) > SYMMETRY_TOLERANCE * np.abs(matrix)):
+        raise RedesignError(
+            f"a constant {name} must be real; a complex one has to be a function of frequency with {name}(-w) = conj {name}(w), "
+            "which invtrack.prefilter takes"
+        )
+    return np.ascontiguousarray(matrix.real)
+
+
+def _smallest_eigenvalue(matrix: Array | ComplexArray) -> float:
     """That of the matrix in units in which its diagonal is one, so that the units of the channels do not matter."""
     diagonal = np.abs(np.diag(matrix))
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))

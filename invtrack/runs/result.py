@@ -53,7 +53,7 @@ class Event:
     text: str
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RunResult:
     """One closed-loop run on the grid of N steps between N + 1 times.
 
@@ -96,6 +96,11 @@ class RunResult:
     status: Literal["completed", "diverged"] = "completed"
     message: str = ""
     mjb: bytes = b""
+
+    def __repr__(self) -> str:
+        """What it is, without its arrays."""
+        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s in {len(self.time) - 1} steps" if len(self.time) else "no samples"
+        return f"<RunResult {self.name!r} of {self.model!r}: {self.status}, {span}, outputs {list(self.output.names)}>"
 
     @property
     def error(self) -> Array:

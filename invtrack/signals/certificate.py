@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.lti.balancing import balancing_scale
+from invtrack.lti.comparable import comparable_size, unit_ratios
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.signals.nominal import Certificate, TwoSidedTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
@@ -49,6 +51,7 @@ def certify(
         # A state that stays zero because large terms cancel is measured against those terms.
         terms = np.abs(x) @ np.abs(system.A).T + np.abs(u) @ np.abs(system.B).T
         size = np.maximum(size, np.max(terms * half[:, :, None], axis=(0, 1)))
+    size = comparable_size(size, unit_ratios(model))  # of a plant at rest elsewhere, velocities are rounding
     size = np.where(size > 0, size, 1.0)
     wanted = reference(times.ravel()).reshape(len(piece), len(nodes), p)
     wanted_size = np.max(np.abs(wanted), axis=(0, 1))
@@ -71,7 +74,7 @@ def _panels(
     first, last = min(span[0], inner[0]), max(span[1], inner[-1])
     edges = np.concatenate([[first], np.union1d(inner, switch_times[(switch_times > first) & (switch_times < last)]), [last]])
     piece = trajectory.locate((edges[:-1] + edges[1:]) / 2)
-    fastest = [max(np.linalg.norm(M, 2) for M in (g.M_f, g.M_b) if M.size) for g in trajectory.generators]
+    fastest = [max(_pace(M) for M in (g.M_f, g.M_b) if M.size) for g in trajectory.generators]
     stride = max(1, len(piece) // (TOTAL_PANELS // 10))
     starts, ends, owners = [], [], []
     for j in range(0, len(edges) - 1, stride):
@@ -85,6 +88,12 @@ def _panels(
         ends.append(np.minimum(first + panel, edges[j + 1]))
         owners.append(np.full(count, piece[j]))
     return np.concatenate(starts), np.concatenate(ends), np.concatenate(owners)
+
+
+def _pace(M: Array) -> float:
+    """How fast exp(M t) changes [rad/s], free of the units of its states."""
+    scale = balancing_scale(M, within_parts=True)
+    return float(np.linalg.norm(M * scale / scale[:, None], 2))
 
 
 def _continuity(trajectory: TwoSidedTrajectory, size: Array) -> float:

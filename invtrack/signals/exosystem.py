@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import TrajectoryError
 from invtrack.signals.piecewise import Generator, PiecewiseSignal
+from invtrack.signals.real_arrays import real_matrix, real_numbers
 
 Array = NDArray[np.float64]
 
@@ -39,7 +40,7 @@ class Exosystem:
         self, A: Sequence[ArrayLike], C: Sequence[ArrayLike], switch_times: ArrayLike = (), *, names: Sequence[str] | None = None
     ) -> None:
         matrices_A, matrices_C = _copies("A_e", A), _copies("C_e", C)
-        times = np.array(switch_times, dtype=float).reshape(-1)
+        times = real_numbers("switch times of the exosystem", switch_times).reshape(-1)
         if not len(matrices_A) == len(matrices_C) == len(times) + 1:
             raise TrajectoryError(
                 f"expected one A_e and one C_e per interval, {len(times) + 1} of each for {len(times)} switch times; got "
@@ -93,7 +94,12 @@ class Exosystem:
         return self._signal(x_e, at, (np.eye(self.n_states),) * len(self))(t, inside=inside)
 
     def transition(self, start: float, end: float) -> Array:
-        """Phi (q, q) with x_e(end) = Phi x_e(start), over any number of switches and in either direction of time."""
+        """Phi (q, q) with x_e(end) = Phi x_e(start), over any number of switches and in either direction of time.
+
+        Raises TrajectoryError for times [s] that are not finite.
+        """
+        if not (np.isfinite(start) and np.isfinite(end)):
+            raise TrajectoryError(f"a transition needs finite times, got from {start} to {end} s")
         first, last = min(start, end), max(start, end)
         inner = self.switch_times[(self.switch_times > first) & (self.switch_times < last)]
         edges = np.concatenate([[first], inner, [last]])
@@ -115,7 +121,7 @@ class Exosystem:
 
     def transformed(self, T: ArrayLike, *, names: Sequence[str] | None = None) -> Exosystem:
         """The same exosystem in the coordinates T x_e (T (q, q), nonsingular): T A_e T^-1, C_e T^-1."""
-        matrix = _matrix("T", T)
+        matrix = real_matrix("T", T)
         q = self.n_states
         if matrix.shape != (q, q) or np.linalg.cond(matrix) > 1 / np.finfo(float).eps:
             raise TrajectoryError(f"T must be a nonsingular ({q}, {q}) matrix, got shape {matrix.shape}")
@@ -125,13 +131,28 @@ class Exosystem:
         A, C = [known[id(A_e)] for A_e in self.A], [known[id(C_e)] for C_e in self.C]
         return Exosystem(A, C, self.switch_times, names=names)
 
+    def weighted(self, weights: ArrayLike) -> Exosystem:
+        """The same outputs from the states w x_e, weights w (q,), not negative; exact where they are powers of two.
+
+        States of weight 0, which no output may show, stand still.
+        """
+        given = real_numbers("weights", weights)
+        seen = given > 0
+        w = np.where(seen, given, 1.0)
+        # Matrices that recur are worked out once and stay the same.
+        known = {id(A_e): np.where(seen[:, None] & seen, A_e / w * w[:, None], 0.0) for A_e in self.A}
+        known |= {id(C_e): C_e / w for C_e in self.C}
+        return Exosystem(
+            [known[id(A_e)] for A_e in self.A], [known[id(C_e)] for C_e in self.C], self.switch_times, names=self.names
+        )
+
     def shifted(self, delay: float) -> Exosystem:
         """The same exosystem `delay` seconds later."""
         return Exosystem(self.A, self.C, self.switch_times + delay, names=self.names)
 
     def _signal(self, x_e: ArrayLike, at: float | None, rows: Sequence[Array]) -> PiecewiseSignal:
         """rows[k] x_e(t) in interval k: piece by piece forward and backward from `at`."""
-        x, time = np.asarray(x_e, dtype=float), self._reference_time(at)
+        x, time = real_numbers("the exosystem's state", x_e), self._reference_time(at)
         if x.shape != (self.n_states,) or not np.all(np.isfinite(x)):
             raise TrajectoryError(f"expected a finite exosystem state of {self.n_states} entries {list(self.names)}, got {x_e!r}")
         edges = self.switch_times if len(self) > 1 else np.array([time])
@@ -189,7 +210,7 @@ def exosystem(
         raise TrajectoryError(f"outside must be 'zero' or 'hold', got {outside!r}")
     if start is not None and end is not None and not end > start:
         raise TrajectoryError(f"end must be after start, got start {start} and end {end}")
-    A, C = _matrix("A_e", A_e), _matrix("C_e", C_e)
+    A, C = real_matrix("A_e", A_e), real_matrix("C_e", C_e)
     idle = (np.zeros_like(A), np.zeros_like(C) if outside == "zero" else C)
     before, after = [idle] * (start is not None), [idle] * (end is not None)
     intervals = [*before, (A, C), *after]
@@ -202,16 +223,6 @@ def _copies(name: str, matrices: Sequence[ArrayLike]) -> tuple[Array, ...]:
     known: dict[int, Array] = {}
     for value in matrices:
         if id(value) not in known:
-            known[id(value)] = _matrix(name, value).copy()
+            known[id(value)] = real_matrix(name, value)
             known[id(value)].setflags(write=False)
     return tuple(known[id(value)] for value in matrices)
-
-
-def _matrix(name: str, value: ArrayLike) -> Array:
-    try:
-        matrix = np.atleast_2d(np.asarray(value, dtype=float))
-    except (TypeError, ValueError) as error:
-        raise TrajectoryError(f"{name} must be a matrix of real numbers: {error}") from error
-    if matrix.ndim != 2 or not np.all(np.isfinite(matrix)):
-        raise TrajectoryError(f"{name} must be a matrix of finite real numbers, got shape {matrix.shape}")
-    return matrix

@@ -108,7 +108,7 @@ class Samples:
     y_d: Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NominalTrajectory:
     """Input, state and output that a method plans for a reference, on all of time.
 
@@ -128,6 +128,17 @@ class NominalTrajectory:
     tolerance: float
     certificate: Certificate
     remarks: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        """What it is, without its arrays."""
+        (low, high), (T_i, T_f) = self.input_range, self.support
+        inputs = ", ".join(
+            f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip(self.model.systems[0].input_names, low, high, strict=True)
+        )
+        return (
+            f"<{type(self).__name__} by {self.method}: manoeuvre {T_i:.6g} to {T_f:.6g} s, preactuation {self.preactuation:.4g} s, "
+            f"postactuation {self.postactuation:.4g} s, {inputs}>"
+        )
 
     @property
     def start(self) -> float:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,50 +16,13 @@ from invtrack.signals.exosystem import Exosystem
 from invtrack.signals.nominal import NominalTrajectory, TwoSidedGenerator, TwoSidedTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 from invtrack.signals.profiles import constant
+from invtrack.signals.real_arrays import real_numbers
+from invtrack.signals.regulation_certificate import InadmissibleState, RegulationCertificate
 
 Array = NDArray[np.float64]
 
 ADMISSIBLE_TOLERANCE = 1e-7
 """An exosystem state counts as admissible where its part outside the admissible subspace is below this share of it."""
-
-
-@dataclass(frozen=True)
-class InadmissibleState:
-    """A named state of the exosystem (x_e(T_i) = that unit vector) whose output no continuous state of the plant can follow.
-
-    time [s]: where that fails. output, derivative: which derivative of which output jumps there ("" and -1 where none does but the
-    state has to). jump: by how much, in units of that derivative (of the state, for "").
-    """
-
-    name: str
-    time: float
-    output: str
-    derivative: int
-    jump: float
-
-    def __str__(self) -> str:
-        if not self.output:
-            return f"{self.name}: at t = {self.time:.6g} s the state that keeps the output exact jumps by {self.jump:.3g}"
-        return (
-            f"{self.name}: at t = {self.time:.6g} s derivative {self.derivative} of output {self.output!r} jumps by {self.jump:.3g}"
-        )
-
-
-@dataclass(frozen=True)
-class RegulationCertificate:
-    """How well a map meets its equations, measured from its values alone, not from how it was found.
-
-    dynamics_residual: largest |G(b) - G(a) - integral of A G + B F - G A_e| over panels, relative to the size of each entry.
-    output_error: largest |C G + D F - C_e|, relative to the size of C_e and of the terms. boundary_residual: how far the stable
-    internal coordinates are at T_i, and the antistable ones at T_f, from the bounded particular solutions outside. continuity:
-    largest jump of G x_e at a breakpoint, over the admissible exosystem states (of the Francis regulators, which are known to jump:
-    over all of them). Relative to the size of G.
-    """
-
-    dynamics_residual: float
-    output_error: float
-    boundary_residual: float
-    continuity: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +50,10 @@ class RegulationMap:
     trajectory: G and F row by row, one above the other. support: (T_i, T_f) [s], first and last breakpoint. preactuation,
     postactuation: how long before T_i and after T_f [s] G and F differ from their bounded particular solutions (zero where the
     exosystem is still) by more than `tolerance`, relative to the peak of each entry; infinite where they never come that close.
-    admissible (q, d): orthonormal basis of the states x_e(T_i) whose output can be followed by a continuous state of the plant;
-    inadmissible: which of the named states lie outside it, and why. remarks: what a user should know.
+    weights (q,): how strongly each state of the exosystem shows in y_d, zero for one that never does: w x_e has no units of its
+    own. admissible (q, d): basis of the states x_e(T_i) whose output can be followed by a continuous state of the plant, columns of
+    unit length, orthogonal as weighted states; inadmissible: which of the named states lie outside it, and why. remarks: what a
+    user should know.
     """
 
     method: str
@@ -99,6 +65,7 @@ class RegulationMap:
     preactuation: float
     postactuation: float
     tolerance: float
+    weights: Array
     admissible: Array
     inadmissible: tuple[InadmissibleState, ...]
     certificate: RegulationCertificate
@@ -131,17 +98,19 @@ class RegulationMap:
 
     def _rows(self, t: ArrayLike, inside: ArrayLike | None, first: int, last: int) -> Array:
         q = self.exosystem.n_states
-        times = np.atleast_1d(np.asarray(t, dtype=float))
+        times = np.atleast_1d(real_numbers("times [s]", t))
+        if times.ndim != 1 or not np.all(np.isfinite(times)):
+            raise TrajectoryError(f"expected finite times (m,) [s], got {t!r}")
         within = times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape)
         values = self.trajectory(times, self.trajectory.locate(within), slice(first * q, last * q))
         return values.reshape(len(times), last - first, q)
 
     def inadmissible_share(self, x_e: ArrayLike, *, at: float | None = None) -> float:
-        """Share of x_e (q,), given at time `at` [s] (default T_i), that lies outside the admissible states."""
-        x_0 = self._at_start(x_e, at)
+        """Share of x_e (q,), given at time `at` [s] (default T_i), that lies outside the admissible states, both weighted."""
+        x_0, basis = self._at_start(x_e, at), self._sizes[:, None] * self.admissible
+        basis = basis / np.linalg.norm(basis, axis=0)
         size = float(np.linalg.norm(x_0))
-        outside = x_0 - self.admissible @ (self.admissible.T @ x_0)
-        return float(np.linalg.norm(outside)) / size if size > 0 else 0.0
+        return float(np.linalg.norm(x_0 - basis @ (basis.T @ x_0))) / size if size > 0 else 0.0
 
     def nominal(self, x_e: ArrayLike, *, at: float | None = None) -> NominalTrajectory:
         """The plan x_d = G x_e, u_d = F x_e for the exosystem trajectory through x_e (q,) at time `at` [s].
@@ -160,10 +129,15 @@ class RegulationMap:
         # At T_i, a breakpoint of the plan: its reference is to have no breakpoint that it does not know.
         x_0, T_i = self._at_start(x_e, at), self.support[0]
         point = self.model.systems[0].operating_point
-        deviation = self.exosystem.reference(x_0, at=T_i).refined(self.breakpoints)
-        trajectory = self._plan(self.exosystem.states(x_0, T_i, self.breakpoints))
+        deviation = self._comparable.reference(x_0, at=T_i).refined(self.breakpoints)
+        trajectory = self._plan(self._comparable.states(x_0, T_i, self.breakpoints) / self._sizes)
         preactuation, postactuation = actuation_times(trajectory, self._departures(trajectory), self.tolerance, None)[:2]
         span = (self.support[0] - preactuation, self.support[1] + postactuation)
+        # An exosystem that grows without end leaves the range of numbers where the certificate looks for rest: there is none.
+        with np.errstate(over="ignore", invalid="ignore"):
+            certificate = certify(self.model, trajectory, deviation, span)
+        if np.isnan(certificate.rest_residual):
+            certificate = replace(certificate, rest_residual=np.inf)
         return NominalTrajectory(
             method=self.method,
             model=self.model,
@@ -173,7 +147,7 @@ class RegulationMap:
             preactuation=preactuation,
             postactuation=postactuation,
             tolerance=self.tolerance,
-            certificate=certify(self.model, trajectory, deviation, span),
+            certificate=certificate,
             remarks=self.remarks,
         )
 
@@ -181,12 +155,24 @@ class RegulationMap:
         """The inadmissible named states and the reason of each, as one sentence."""
         return "; ".join(str(state) for state in self.inadmissible) or "every state is admissible"
 
+    @cached_property
+    def _sizes(self) -> Array:
+        """What the exosystem's states are multiplied with to be comparable (q,): their weights, 1 for one that never shows."""
+        return np.where(self.weights > 0, self.weights, 1.0)
+
+    @cached_property
+    def _comparable(self) -> Exosystem:
+        """The exosystem of the weighted states."""
+        return self.exosystem.weighted(self.weights)
+
     def _at_start(self, x_e: ArrayLike, at: float | None) -> Array:
-        x = np.asarray(x_e, dtype=float)
+        """The weighted state (q,) at T_i."""
+        x = real_numbers("the exosystem's state", x_e)
         if x.shape != (self.exosystem.n_states,):
             names = list(self.exosystem.names)
             raise TrajectoryError(f"expected an exosystem state of {len(names)} entries {names}, got shape {x.shape}")
-        return x if at is None else self.exosystem.transition(at, self.support[0]) @ x
+        x = self._sizes * x
+        return x if at is None else self._comparable.transition(at, self.support[0]) @ x
 
     def _plan(self, x_e: Array) -> TwoSidedTrajectory:
         """The two-sided plan for exosystem states x_e (m + 1, q) at the breakpoints."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal
 
@@ -13,6 +12,13 @@ from invtrack.control.protocol import Controller
 from invtrack.errors import SimulationError
 from invtrack.physics.plant import Plant
 from invtrack.runs.result import RunResult
+from invtrack.simulation.expectations import (
+    require_fit,
+    warn_of_limits,
+    warn_of_start,
+    warn_of_unstable_holds,
+    warn_of_unused_sensors,
+)
 from invtrack.simulation.grid import Grid, make_grid
 from invtrack.simulation.instants import held_instants, stage_instants, update_times, updates_of_steps
 from invtrack.simulation.linear_plant import LinearPlant
@@ -56,20 +62,24 @@ def simulate(
     run that is done.
 
     A run that diverges (a state that is not finite, or MuJoCo's warnings about one) stops there; the result holds what was
-    recorded, status "diverged" and the cause. Where the plan needs more input than the actuators pass on, a RuntimeWarning says
-    so beforehand.
+    recorded, status "diverged" and the cause. A RuntimeWarning says beforehand where the plan needs more input than the actuators
+    pass on, where it starts elsewhere than the plant, where the feedback is unstable for being held so long, and where sensors are
+    given that the controller does not look at.
 
     Raises SimulationError, PlantError for what cannot be simulated as asked.
     """
     simulated: SimulatedPlant = MujocoPlant(plant) if isinstance(plant, Plant) else plant
     changes = ordered(schedule)
-    _require_fit(simulated, controller, hold, changes)
-    _warn_of_limits(simulated, controller)
+    require_fit(simulated, controller, hold, changes)
+    warn_of_limits(simulated, controller)
+    warn_of_unused_sensors(controller, sensors or {})
     nominal = controller.nominal
     end_values = simulated.parameter_values
     for change in changes:
         end_values.update(change.parameters)
     period = simulated.vibration_period(end_values)
+    if start is None and initial_state is None:
+        warn_of_start(simulated, controller)
     start = nominal.start if start is None else float(start)
     if stop is None:
         stop = max(nominal.end, nominal.support[1] + (RESIDUAL_PERIODS * period if np.isfinite(period) else 0.0))
@@ -84,9 +94,11 @@ def simulate(
         raise SimulationError(f"initial_state has shape {x_0.shape}, expected {expected}")
     initial, later = _parameters_on_grid(simulated, changes, grid)
     update = updates_of_steps(grid, updates)
+    instants = stage_instants(grid) if hold == "continuous" else held_instants(grid, update)
+    warn_of_unstable_holds(controller, instants)
     run = Run(
         stepper=simulated.stepper(x_0, initial),
-        law=controller.begin(stage_instants(grid) if hold == "continuous" else held_instants(grid, update)),
+        law=controller.begin(instants),
         grid=grid,
         update=update,
         changes=later,
@@ -97,47 +109,6 @@ def simulate(
     return make_result(
         name, simulated, controller, recorded, Circumstances(grid, initial, later, timestep, hold, vibration_period=period)
     )
-
-
-def _require_fit(plant: SimulatedPlant, controller: Controller, hold: str, changes: Iterable[Change]) -> None:
-    first = controller.nominal.model.systems[0]
-    pairs = [(kind, getattr(first, kind), getattr(plant, kind)) for kind in ("state_names", "input_names", "output_names")]
-    if controller.measures == "sensors":
-        pairs.append(("measurement_names", first.measurement.names, plant.measurement_names))
-    for kind, planned, real in pairs:
-        if planned != real:
-            raise SimulationError(
-                f"the plan's {kind.replace('_', ' ')} are {list(planned)}, the plant's are {list(real)}; plan for "
-                "invtrack.linearize(plant)"
-            )
-    if not first.operating_point.agrees_with(plant.operating_point):
-        raise SimulationError("the plan was made about another operating point than the plant's; linearize this plant")
-    for change in changes:
-        unknown = [name for name in change.parameters if name not in plant.parameter_units]
-        if unknown:
-            known = ", ".join(plant.parameter_units) or "none (a linear model switches by its own switch times)"
-            raise SimulationError(f"{change} names unknown parameters {unknown}; the plant's are: {known}")
-    if hold not in ("midpoint", "continuous"):
-        raise SimulationError(f'hold must be "midpoint" or "continuous", got {hold!r}')
-    if hold == "continuous" and not (controller.stateless and controller.period is None):
-        raise SimulationError(
-            'hold="continuous" evaluates the law several times per step, so it needs a controller without a state and without a '
-            "period"
-        )
-
-
-def _warn_of_limits(plant: SimulatedPlant, controller: Controller) -> None:
-    """Say before anything is simulated where the plan exceeds the actuators."""
-    lowest, highest = controller.nominal.input_range
-    for i, name in enumerate(plant.input_names):
-        low, high = plant.input_limits[i]
-        if lowest[i] < low or highest[i] > high:
-            warnings.warn(
-                f"the plan needs {name} from {lowest[i]:.4g} to {highest[i]:.4g} {plant.input_units[i]}, its actuator passes on "
-                f"{low:.4g} to {high:.4g}: expect saturation",
-                RuntimeWarning,
-                stacklevel=3,
-            )
 
 
 def _parameters_on_grid(

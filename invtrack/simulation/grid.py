@@ -16,6 +16,10 @@ SNAP = 1e-9
 """Breakpoints closer than this share of the largest step are one and the same, computed in two ways."""
 
 
+MOST_STEPS = 5e7
+"""Steps of a run at most: every one of them is recorded."""
+
+
 @dataclass(frozen=True, eq=False)
 class Grid:
     """N steps between N + 1 times [s].
@@ -53,7 +57,7 @@ class Grid:
 def make_grid(start: float, stop: float, breakpoints: Iterable[float], timestep: float) -> Grid:
     """Divide [start, stop] at the breakpoints inside it, and each interval evenly into steps not longer than `timestep` [s].
 
-    Raises SimulationError for a time step or a span that is not positive.
+    Raises SimulationError for a time step or a span that is not positive, or more than MOST_STEPS steps.
     """
     if not (np.isfinite(timestep) and timestep > 0):
         raise SimulationError(f"the time step must be a positive number of seconds, got {timestep}")
@@ -67,6 +71,11 @@ def make_grid(start: float, stop: float, breakpoints: Iterable[float], timestep:
         edges.pop()
     edges.append(stop)
     lengths = np.diff(edges)
+    if np.sum(lengths) / timestep > MOST_STEPS:
+        raise SimulationError(
+            f"a run of {stop - start:.6g} s in steps of {timestep:g} s takes {np.sum(lengths) / timestep:.1e} steps, more than the "
+            f"{MOST_STEPS:.0e} that can be recorded; take a larger time step or a shorter run"
+        )
     counts = np.maximum(np.ceil(lengths / timestep * (1 - SNAP)), 1).astype(np.intp)
     time = np.concatenate(
         [a + (b - a) * np.arange(n) / n for a, b, n in zip(edges[:-1], edges[1:], counts, strict=True)] + [[stop]]

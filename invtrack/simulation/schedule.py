@@ -29,6 +29,9 @@ class Change:
 
 def ordered(schedule: Sequence[Change]) -> list[Change]:
     """The changes in the order of their times. Raises SimulationError where two happen at once."""
+    strange = [change for change in schedule if not isinstance(change, Change)]
+    if strange:
+        raise SimulationError(f"the schedule holds {strange[0]!r}; expected changes such as invtrack.Change(3.0, tip_mass=100.0)")
     result = sorted(schedule, key=lambda change: change.time)
     for first, second in itertools.pairwise(result):
         if first.time == second.time:

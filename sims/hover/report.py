@@ -19,10 +19,12 @@ COLUMNS = (
     Column("residual vibration", "SI"),
     Column("peak input", "1"),
     Column("preactuation time", "s"),
-    Column("first above 1 %", "s", "first_above_1_percent"),
+    Column("first above 1%", "s", "first_above_1_percent"),
     Column("fitted decay rate", "1/s"),
     Column("start", "s"),
 )
+ALIKE = 0.9  # correlation from which two curves are called alike
+
 LIKENESS_COLUMNS = (
     Column("peak, exact", key="exact_peak"),
     Column("peak, modified", key="modified_peak"),
@@ -48,6 +50,14 @@ def report_results(
     print_table(
         "How alike the two plans are in the manoeuvre", columns=LIKENESS_COLUMNS, rows=alike, row_header="control, attitude"
     )
+    groups: dict[bool, list[str]] = {True: [], False: []}
+    for label, row in alike.items():
+        groups[row["correlation"] >= ALIKE].append(label.replace("_", " "))
+    print(
+        "The paper finds its inputs and attitudes similar. Here these are (correlation of"
+        f" {ALIKE:g} or more): {', '.join(groups[True])};\n"
+        f"these are not, since the exact plan still swings at its zeros' frequency: {', '.join(groups[False])}.\n"
+    )
     linear, physics = cases["modified" + LINEAR], cases["modified"]
     bounding = ", ".join(f"{bound.M:.3g} exp({bound.alpha:.5g} t) ({name})" for name, bound in bounds.items())
     tilt = alike["roll phi"]["exact_peak"]
@@ -58,7 +68,7 @@ def report_results(
         "The error of exact in MuJoCo comes of the tilt: U, V, W are measured along the body's own axes, which roll by\n"
         f"up to {tilt:.3f} rad, while those of the linear model stay level.\n"
         "start: the run begins at rest this long before the manoeuvre. preactuation time: since |u| was last below 1 % of\n"
-        "its peak; first above 1 %: since it first exceeded that. residual vibration: peak to peak over 5 periods of the\n"
+        "its peak; first above 1%: since it first exceeded that. residual vibration: peak to peak over 5 periods of the\n"
         "slowest flexible mode after the manoeuvre. fitted decay rate: of |u| before the manoeuvre, where the plans keep\n"
         f"|u| below {bounding}."
     )

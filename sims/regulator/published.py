@@ -23,7 +23,7 @@ PRINTED = (
 
 
 def published(model: invtrack.SwitchedSystem, wanted: invtrack.Exosystem) -> dict[str, Any]:
-    """G(0) beside the printed one, its residuals, and the columns that no plant state can follow.
+    """G(0), what it is compared with, its residuals, and the columns that no plant state can follow.
 
     In the paper's coordinates, because a column that cannot be followed depends on them: which internal coordinate is continuous
     where the output is not.
@@ -33,31 +33,35 @@ def published(model: invtrack.SwitchedSystem, wanted: invtrack.Exosystem) -> dic
         invtrack.SwitchedSystem([systems[id(s)] for s in model.systems], model.switch_times), wanted
     )
     first, second = regulation.breakpoints[:2]
-    G_0 = regulation.G([first], inside=[(first + second) / 2])[0]
+    G_0 = regulation.G([first], inside=[(first + second) / 2])[0, :, :2]
     certificate = regulation.certificate
     return {
-        "rows": ROWS,
-        "columns": regulation.exosystem.names[:2],
-        "G0": G_0[:, :2],
-        "G0_printed": PRINTED,
-        "difference": G_0[:, :2] - PRINTED,
-        "boundary_residual": certificate.boundary_residual,
-        "dynamics_residual": certificate.dynamics_residual,
-        "output_error": certificate.output_error,
-        "continuity": certificate.continuity,
-        "inadmissible": {state.name: str(state) for state in regulation.inadmissible},
+        "G0": G_0,
+        "G0_check": {
+            "rows": ROWS,
+            "columns": regulation.exosystem.names[:2],
+            "printed": PRINTED,
+            "difference": G_0 - PRINTED,
+            "boundary_residual": certificate.boundary_residual,
+            "dynamics_residual": certificate.dynamics_residual,
+            "output_error": certificate.output_error,
+            "continuity": certificate.continuity,
+            "not_admissible": {state.name: str(state) for state in regulation.inadmissible},
+        },
     }
 
 
 def report(numbers: dict[str, Any]) -> None:
     """G(0), the printed one and the difference, row by row."""
-    print("G(0) in the paper's coordinates, columns x_e1 and x_e2: computed, printed in the paper, difference")
-    for row, mine, printed, apart in zip(ROWS, numbers["G0"], PRINTED, numbers["difference"], strict=True):
-        cells = "   ".join(f"{a:9.5f} {b:8.4f} {c:8.4f}" for a, b, c in zip(mine, printed, apart, strict=True))
-        print(f"  {row:4s} {cells}")
-    print(
-        f"boundary conditions met to {numbers['boundary_residual']:.1e}. Columns that no continuous state of the plant can follow:"
-    )
-    for text in numbers["inadmissible"].values():
+    check = numbers["G0_check"]
+    refused = check["not_admissible"]
+    titles = [name + (" (not admissible)" if name in refused else "") for name in check["columns"]]
+    print("G(0) in the paper's coordinates: computed, printed in the paper, difference")
+    print(" " * 6 + "   ".join(f"{title:35s}" for title in titles).rstrip())
+    for row, mine, printed, apart in zip(ROWS, numbers["G0"], PRINTED, check["difference"], strict=True):
+        cells = "   ".join(f"{a:15.10f}  {b:8.4f}  {c:8.4f}" for a, b, c in zip(mine, printed, apart, strict=True))
+        print(f"  {row:4s}{cells}")
+    print(f"boundary conditions met to {check['boundary_residual']:.1e}. Columns that no continuous state of the plant can follow:")
+    for text in refused.values():
         print(f"  {text}")
     print()

@@ -94,6 +94,7 @@ def redesign(plans: Plans) -> Figure:
 def experiment_runs(runs: Mapping[str, invtrack.RunResult]) -> Figure:
     """Figures 7 and 8 of the experimental paper, and the input."""
     first = next(iter(runs.values()))
+    runs = {name.replace("_", " "): result for name, result in runs.items()}
     panels = [
         (
             r"$\theta_2$ [rad]",

@@ -19,7 +19,7 @@ MOVED_TO = 2.0  # [1/s], the real part that the paper's helicopter gets
 CHAIN_POLES = {"slow": (-1.0, -2.0), "fast": (-4.0, -5.0)}  # [1/s], of the output's error
 REAL_PARTS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # [1/s]
 OUTPUT_WEIGHTS = (1.0, 10.0, 100.0, 1000.0, 1e4, 1e5)  # q_y of the redesign, with r = 1 and the twist free
-NOTED_WEIGHT = 1.0  # the q_y whose points bear its name in the figure
+NOTED_WEIGHT = 1e5  # the q_y whose points bear its name in the figure
 TOLERANCE = 1e-8  # of the plans: at rest to within this share of each peak when they start
 LEVEL = 0.01  # of the peak input, above which the input counts as preactuation
 
@@ -126,7 +126,8 @@ def draw_remedies(title: str, rows: list[dict[str, Any]]) -> Figure:
 
 
 def _note(row: dict[str, Any]) -> str:
-    """A text for the one point of each curve that says how its setting reads."""
+    """A short text for the one point of each curve that says how its setting reads."""
     if row.get("real_part") == MOVED_TO:
-        return f"zeros to {row['setting']}"
-    return str(row["setting"]) if row.get("q_y") == NOTED_WEIGHT else ""
+        # Written out on the upper curve alone, since there is room for it.
+        return f"{'zeros ' if row['chain_poles'] == CHAIN_POLES['slow'] else ''}to {row['setting']}"
+    return str(row["setting"]) if row.get("q_y") == NOTED_WEIGHT or row.get("q_x") else ""

@@ -236,13 +236,15 @@ def test_what_the_loop_is_told(exact: RegulationMap) -> None:
 
 
 def test_what_does_not_fit_is_refused(exact: RegulationMap) -> None:
+    with pytest.raises(ControlError, match=r"expected a RegulationMap, such as exosystem_map\(...\), got NominalTrajectory"):
+        ExosystemController(exact.nominal(X_E), GAINS, exosystem_state=X_E)  # type: ignore[arg-type]
     with pytest.raises(ControlError, match=r"wanted output is 1 away .* make `nominal` for"):
         controller(exact, nominal=exact.nominal(1.5 * X_E))
     with pytest.raises(ControlError, match="give an exosystem_observer"):
         controller(exact, initial_estimate=X_E)
     with pytest.raises(ControlError, match="give an exosystem_observer"):
         controller(exact, reference_noise=0.1)
-    with pytest.raises(ControlError, match="reference_noise must not be negative"):
+    with pytest.raises(ControlError, match="reference_noise must be finite and not negative"):
         controller(exact, exosystem_observer=LuenbergerObserver(OBSERVER_POLES), reference_noise=-1.0)
     with pytest.raises(ControlError, match=r"expected a finite initial_estimate of the states \['x_e1', "):
         controller(exact, exosystem_observer=LuenbergerObserver(OBSERVER_POLES), initial_estimate=[1.0, 2.0])

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from invtrack.errors import InvtrackError
 from invtrack.figures.frequency_response import frequency_response_figure
 from invtrack.figures.overlay import overlay_figure
 from invtrack.figures.style import save_figure
 from invtrack.figures.trade_off import trade_off_figure
+
+ComplexArray = NDArray[np.complex128]
 
 ERRORS = ("largest error [rad]", [0.1, 0.2, 0.4])
 PANELS = [
@@ -110,6 +114,15 @@ def test_frequency_response_of_a_double_lag(tmp_path: Path) -> None:
     np.testing.assert_allclose(np.asarray(lower.lines[0].get_ydata(), dtype=float), -2 * np.degrees(np.arctan(w)))
     save_figure(figure, tmp_path / "response.png")
     assert len(frequency_response_figure("t", w=w, curves={"a": w + 0j}, magnitude="|G| [1]", phase=False).axes) == 1
+
+
+@pytest.mark.parametrize(("response", "lowest"), [(lambda s: s, 90), (lambda s: 1 / s, -90), (lambda s: 1 / s**2, -180)])
+def test_where_the_phase_begins(response: Callable[[ComplexArray], ComplexArray], lowest: float) -> None:
+    """Whichever way rounding turns it: a pair of integrators lags."""
+    w = np.geomspace(0.01, 100.0, 41)
+    for turn in (1 + 1e-15j, 1 - 1e-15j):
+        figure = frequency_response_figure("t", w=w, curves={"a": turn * response(1j * w)}, magnitude="|G| [1]")
+        np.testing.assert_allclose(np.asarray(figure.axes[1].lines[0].get_ydata(), dtype=float), lowest, atol=1e-9)
 
 
 def test_frequencies_that_make_no_sense_are_refused() -> None:

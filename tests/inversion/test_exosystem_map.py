@@ -264,6 +264,10 @@ def test_the_operating_point_is_added_to_the_plan() -> None:
 def test_refusals_say_why() -> None:
     with pytest.raises(TrajectoryError, match="the exosystem has 2 outputs, the plant 1"):
         exosystem_map(CANTILEVER[0], stack_exosystems([step_exosystem(), step_exosystem()]))
+    with pytest.raises(TrajectoryError, match=r"expected an Exosystem, .* got PiecewiseSignal; for a single reference use invert"):
+        exosystem_map(CANTILEVER[0], constant(1.0))  # type: ignore[arg-type]
+    with pytest.raises(TrajectoryError, match=r"expected finite times .* got nan"):
+        exosystem_map(CANTILEVER[0], polynomial_exosystem(2)).G(np.nan)
     with pytest.raises(InversionError, match="tolerance must lie between 0 and 1, got 0"):
         exosystem_map(CANTILEVER[0], step_exosystem(), tolerance=0)
     zero = plant_with(np.random.default_rng(3), (1,), block(0.5))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
+from invtrack.inversion.modification.design_problem import DesignProblem
 from invtrack.inversion.modification.trajectory import ModifiedTrajectory
 from invtrack.inversion.modified import modified_inversion
 from invtrack.lti.normal_form import normal_form
@@ -37,6 +38,15 @@ def test_several_choices_are_compared_and_the_best_kept() -> None:
     np.testing.assert_array_equal(robust.modification[0].L, 0.0)
 
 
+def test_a_choice_that_rounding_spoils_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    accurate = iter([False, True])
+    monkeypatch.setattr(DesignProblem, "is_accurate", lambda problem, solution: next(accurate))
+    plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=1.0, chain_poles=[-1.0, -2.0])
+    assert plan.design == "placement"
+    assert plan.candidates[1].integral_square_error < plan.candidates[0].integral_square_error
+    assert plan.remarks[-1].endswith("placement was taken, since those with less are too ill-conditioned")
+
+
 def test_feedforward_is_the_best_for_this_reference() -> None:
     """The error is orthogonal to what any other L would add, so it grows whichever way the reference's scale is divided."""
     plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=1.0, chain_poles=[-1.0, -2.0])
@@ -56,6 +66,24 @@ def test_feedforward_acts_on_derivatives_alone() -> None:
     assert L.shape == (2, 3 + 2)
     np.testing.assert_array_equal(L[:, [0, 1]], 0.0)  # the columns of y_1 and y_2 themselves
     assert np.all(np.abs(L[:, [2, 3, 4]]).max(axis=0) > 0)
+
+
+def test_references_that_are_nearly_the_same_share_their_terms() -> None:
+    """What little tells them apart buys next to nothing, at the price of large opposite terms."""
+    plant = plant_with(np.random.default_rng(2), (1, 2), block(0.1 + 2j, -0.7))
+    same, nearly = (
+        modified_inversion(
+            plant,
+            stack([SLEW, rest_to_rest(0.0, 1.0, duration, smoothness=3)]),
+            within=0.2,
+            to=1.0,
+            chain_poles=[-1.0, -2.0, -3.0],
+        )
+        for duration in (5.0, 5.001)
+    )
+    L = [plan.modification[0].L for plan in (same, nearly)]
+    np.testing.assert_allclose(L[1], L[0], atol=0.02 * np.max(np.abs(L[0])))
+    assert nearly.candidates[1].integral_square_error == pytest.approx(same.candidates[1].integral_square_error, rel=0.01)
 
 
 def test_output_scale_weighs_the_outputs() -> None:

@@ -218,6 +218,41 @@ def test_direct_feedthrough_holds_its_target() -> None:
     assert plan.alpha == pytest.approx(0.8)
 
 
+@pytest.mark.parametrize("seed", [10, 30, 43])
+def test_axis_zeros_beside_antistable_ones(seed: int) -> None:
+    """Rounding puts the pair on the axis to either side of it, and elsewhere when its Schur form is reordered."""
+    plant = plant_with(np.random.default_rng(seed), (2,), block(0.3j, -0.5, 2.0 + 1j))
+    plan = modified_inversion(plant, SLEW, within=0.1, to=1.0, chain_poles=[-1.0, -2.0], design="robust")
+    assert_same_set(plan.modification[0].zeros_after, [1 + 0.3j, 1 - 0.3j, -0.5, 2 + 1j, 2 - 1j], 1e-8)
+    assert plan.certificate.dynamics_residual < 1e-11
+
+
+def test_placement_that_could_be_more_robust_is_taken_as_it_is() -> None:
+    """Poles are in place long before robust placement has converged, which here it does not: no warning, no refusal."""
+    plant = plant_with(np.random.default_rng(1), (3, 3), block(0.02 + 1.5j, 0.3j, -0.03 + 3j))
+    chain = [-1 - k / 3 for k in range(6)]
+    plan = modified_inversion(plant, stack([SLEW, SLEW]), within=0.2, to=1.3, chain_poles=chain, design="robust")
+    form = normal_form(plant)
+    found = modified_poles(plant.A, plant.B, plant.C, (3, 3), plan.modification[0].F, np.vstack([form.C_star, form.N]))
+    moved = [1.3 + sign * frequency * 1j for frequency in (0.3, 1.5, 3.0) for sign in (1, -1)]
+    assert_same_set(found, [*chain, *moved], 1e-6)
+
+
+def test_no_zero_near_enough_is_said() -> None:
+    plan = modified_inversion(TWO_DISC, SLEW, within=0.1, to=1.0, chain_poles=[-1.0, -2.0])
+    assert "no zeros were moved: within 0.1 rad/s of the imaginary axis there are none" in plan.remarks[-1]
+    assert plan.max_error[0] < 1e-12
+
+
+@pytest.mark.parametrize("design", ["robust", "least error"])
+@pytest.mark.parametrize("move", [{0.05 + 1.3j: 0.05 + 1.3j}, {1.5: 1.5}, {1.5: 1.5, 0.05 + 1.3j: 0.05 + 1.3j}])
+def test_zeros_left_where_they_are_cost_nothing(move: dict[complex, complex], design: str) -> None:
+    plant = plant_with(np.random.default_rng(1), (1, 2), block(0.05 + 1.3j, -0.4, 1.5))
+    reference = stack([SLEW, SLEW.scaled(0.5)])
+    plan = modified_inversion(plant, reference, move=move, chain_poles=[-1.0, -2.0, -3.0], design=design)  # type: ignore[arg-type]
+    assert plan.relative_error < 1e-10
+
+
 def test_repeated_poles_and_targets() -> None:
     plant = plant_with(np.random.default_rng(3), (2,), block(0.1, -0.15, 0.6))
     plan = modified_inversion(plant, SLEW, within=0.2, to=1.0, chain_poles=[-1.0, -1.0])

@@ -57,6 +57,16 @@ def test_axis_zeros_of_an_end_can_be_moved_there_alone() -> None:
     assert np.max(np.abs(plan.tracking_error([-120.0, 120.0]))) < 1e-10
 
 
+def test_each_name_moves_the_zero_of_the_intervals_that_have_it() -> None:
+    model = SwitchedSystem([TWO_DISC, PASSIVE_TWO_DISC, TWO_DISC], [1.5, 3.0])
+    slew = rest_to_rest(2.0, 5.0, 5.0, smoothness=3)
+    plan = modified_inversion(model, slew, move={0.22 + 4.75j: 1 + 4.5j, 4.755j: 2 + 5j}, chain_poles=[-1.0, -2.0])
+    after = [np.max(change.zeros_after.imag) * 1j + np.max(change.zeros_after.real) for change in plan.modification]
+    np.testing.assert_allclose(after, [1 + 4.5j, 2 + 5j, 1 + 4.5j], rtol=1e-12)
+    assert max(plan.certificate.dynamics_residual, plan.certificate.continuity) < 1e-12
+    assert np.max(np.abs(plan.tracking_error([-80.0, 80.0]))) < 1e-10
+
+
 def test_more_end_conditions_than_unknowns_is_refused() -> None:
     """Made stable before the jumps but not after them, the slow zero leaves one condition too many."""
     with pytest.raises(BoundednessError, match=r"give 1 unknown\(s\) for the 2 condition\(s\)"):

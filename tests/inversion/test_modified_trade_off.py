@@ -7,9 +7,11 @@ import pytest
 
 from invtrack.inversion.modified import modified_inversion
 from invtrack.inversion.trade_off import plan_for, preactuation_trade_off
+from invtrack.signals.piecewise import stack
 from invtrack.signals.preactuation import preactuation_at
 from invtrack.signals.profiles import rest_to_rest
 from tests.inversion.modified_cases import HE3, HE3_POLES, HOVER, PASSIVE_TWO_DISC, TWO_DISC, moved_pair
+from tests.lti.random_plants import block, plant_with
 
 SLEW = rest_to_rest(0.0, 1.0, 5.0, smoothness=3)
 CHAIN = [-1.0, -2.0]
@@ -65,6 +67,15 @@ def test_affordable_from_the_start() -> None:
 def test_zeros_on_the_axis() -> None:
     plan = plan_for(PASSIVE_TWO_DISC, SLEW, chain_poles=CHAIN, preactuation=5.0, within=0.1, real_parts=(0.5, 2.0), design="robust")
     assert 5.0 - np.pi / 4.755 < preactuation_at(plan) <= 5.0
+
+
+def test_several_outputs_afford_any_error() -> None:
+    """The search starts where the zeros are, which costs nothing."""
+    plant = plant_with(np.random.default_rng(1), (1, 2), block(0.05 + 1.3j, -0.4, 1.5))
+    reference = stack([SLEW, SLEW.scaled(0.5)])
+    plan = plan_for(plant, reference, chain_poles=[-1.0, -2.0, -3.0], error=0.05, within=0.1)
+    assert 0.99 * 0.05 < plan.relative_error <= 0.05
+    assert plan.alpha > 0.05
 
 
 def test_hover() -> None:

@@ -73,6 +73,10 @@ def test_the_undamped_rig_refuses_its_own_antiresonance_only() -> None:
 def test_shapes_that_do_not_fit() -> None:
     with pytest.raises(TrajectoryError, match=r"expected A_e \(q, q\) and C_e \(1, q\) .* got \(2, 2\) and \(1, 3\)"):
         francis(CANTILEVER[0], np.eye(2), np.ones((1, 3)))
+    with pytest.raises(TrajectoryError, match="A_e or C_e has entries that are not finite"):
+        francis(CANTILEVER[0], [[np.nan]], [[1.0]])
+    with pytest.raises(TrajectoryError, match="C_e must be real numbers, got 'y'"):
+        francis(CANTILEVER[0], [[0.0]], "y")
 
 
 def test_switched_francis_takes_the_regulator_of_each_interval_and_jumps() -> None:

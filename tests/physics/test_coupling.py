@@ -263,7 +263,8 @@ def test_plants_without_couplings_install_no_callback(monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(mujoco, "set_mjcb_passive", forbidden)
     nominal = invtrack.invert(invtrack.linearize(plant), invtrack.rest_to_rest(0.0, 1.0, 1.0), max_preactuation=0.1)
-    result = invtrack.simulate(plant, invtrack.TrackingController(nominal), timestep=0.01, stop=1.0)
+    begin = nominal.states(nominal.start)[0]
+    result = invtrack.simulate(plant, invtrack.TrackingController(nominal), timestep=0.01, stop=1.0, initial_state=begin)
     assert result.status == "completed"
     with plant.forces():
         mujoco.mj_forward(plant.model, plant.new_data())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from invtrack.lti.state_space import OperatingPoint, StateSpace
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.redesign.constrained import ConstrainedTrajectory, constrained_redesign
 from invtrack.redesign.cost import cost
+from invtrack.redesign.limited import quadratic_program
 from invtrack.redesign.limits import Limits, StateLimit
 from invtrack.redesign.quadratic import quadratic_redesign
 from invtrack.signals.export import sampled_plan
@@ -45,13 +47,19 @@ def limited(model: Any = NONMINIMUM, reference: Any = None, limits: Limits = LIM
     return constrained_redesign(model, reference, limits=limits, **{"step": 0.1, **WEIGHTS, **options})
 
 
+@functools.cache
+def plain_plan() -> ConstrainedTrajectory:
+    """What the others are compared with."""
+    return limited()
+
+
 def assert_close(found: Array, expected: Array, tolerance: float = 1e-5) -> None:
     """To within a share of each column's peak: a plan is as exact as its solver, not more."""
     assert np.max(np.abs(found - expected) / np.max(np.abs(expected), axis=0)) < tolerance
 
 
 def test_all_kinds_of_limits_at_once() -> None:
-    plan = limited()
+    plan = plain_plan()
     at = plan(np.linspace(plan.start, plan.end, 30_001))
     # Rates by difference quotients, so that nothing of the plan's own derivative is used.
     values = (at.u[:, 0], np.diff(at.u[:, 0]) / np.diff(at.time), at.y[:, 0], at.x[:, 1])
@@ -96,7 +104,7 @@ def test_units() -> None:
         output=(-0.05 * out, 0.7 * out),
         states=[StateLimit("middle", {"x2": 1.0}, 0.12 * state[1])],
     )
-    plain, scaled = limited(), limited(other, there_and_back().scaled(out), limits, **weights)
+    plain, scaled = plain_plan(), limited(other, there_and_back().scaled(out), limits, **weights)
     assert_close(scaled(TIMES).u, plain(TIMES).u * into)
     assert_close(scaled(TIMES).x, plain(TIMES).x * state)
     assert cost(scaled, **weights) == pytest.approx(money * cost(plain, **WEIGHTS), rel=1e-7)
@@ -108,7 +116,7 @@ def test_operating_point() -> None:
     there = StateSpace(NONMINIMUM.A, NONMINIMUM.B, NONMINIMUM.C, operating_point=point)
     absolute = Limits(**{**vars(LIMITS), "input": (4.7, 6.0), "output": (99.95, 100.7)})
     moved = limited(there, there_and_back() + constant(point.y0), absolute)
-    plain = limited()
+    plain = plain_plan()
     assert_close(moved(TIMES).u - point.u0, plain(TIMES).u)
     assert_close(moved(TIMES).x, plain(TIMES).x)
     assert {(a.name, a.side) for a in moved.active} == {(a.name, a.side) for a in plain.active}
@@ -131,7 +139,7 @@ def test_order_of_channels() -> None:
 
 def test_a_jump_between_equal_plants_changes_nothing() -> None:
     copy = StateSpace(NONMINIMUM.A, NONMINIMUM.B, NONMINIMUM.C)
-    assert_close(limited(SwitchedSystem([NONMINIMUM, copy], [2.5]))(TIMES).u, limited()(TIMES).u)
+    assert_close(limited(SwitchedSystem([NONMINIMUM, copy], [2.5]))(TIMES).u, plain_plan()(TIMES).u)
 
 
 def test_a_plant_follows_the_plan() -> None:
@@ -218,6 +226,12 @@ def test_limits_that_conflict(extra: dict[str, Any]) -> None:
     kept = limited(doubled, still, Limits(output=(0.699, 1.401), **extra), **weights)
     free = quadratic_redesign(doubled, still, **weights)
     assert cost(kept, **weights) > cost(free, **weights)
+
+
+def test_a_solver_that_gives_up_has_found_no_conflict(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(quadratic_program, "MOST_ITERATIONS", 1)
+    with pytest.raises(RedesignError, match="solver gave up on the limited redesign: MaxIterations after 1 iterations"):
+        limited()
 
 
 def test_an_output_error_that_costs_nothing_leaves_everything_at_rest() -> None:

@@ -134,17 +134,20 @@ def least_squares(model: StateSpace, reference: Any, nodes: Array, times: Array)
     return np.tile(root, 4)[:, None] * M, np.tile(root, 4) * wanted, states
 
 
-@pytest.mark.parametrize(("system", "limit"), [(NONMINIMUM, 1.0), (NONMINIMUM, 0.5), (DIRECT, 0.9), (UNSTABLE, 0.4)])
-def test_bounded_least_squares_finds_the_same_input(system: StateSpace, limit: float) -> None:
-    """The oracle knows nothing of Riccati equations: hat functions on a window so long that nothing is left at its ends."""
+@pytest.mark.parametrize(("system", "limit"), [(NONMINIMUM, (-0.5, 0.5)), (DIRECT, (-0.9, 0.9)), (UNSTABLE, (-0.05, 0.3))])
+def test_bounded_least_squares_finds_the_same_input(system: StateSpace, limit: tuple[float, float]) -> None:
+    """The oracle knows nothing of Riccati equations: hat functions on a window so long that nothing is left at its ends.
+
+    The unstable plant's input is at its low limit where the first window ends: what lies beyond must not be left out.
+    """
     reference, nodes = there_and_back(), np.arange(-10.0, 22.01, 0.125)
     times = np.linspace(nodes[0], nodes[-1], 8 * (len(nodes) - 1) + 1)
     M, d, _ = least_squares(system, reference, nodes, times)
-    found = scipy.optimize.lsq_linear(M, d, bounds=(-limit, limit), method="bvls", tol=1e-14)
+    found = scipy.optimize.lsq_linear(M, d, bounds=limit, method="bvls", tol=1e-14)
     plan = constrained_redesign(system, reference, limits=Limits(input=limit), step=0.125, **WEIGHTS)
     assert cost(plan, **WEIGHTS) == pytest.approx(2 * found.cost, rel=1e-4)
     inner = (nodes[1:-1] > -1.0) & (nodes[1:-1] < 8.0)
-    assert np.max(np.abs(plan.inputs(nodes[1:-1])[inner, 0] - found.x[inner])) < 1e-3 * limit
+    assert np.max(np.abs(plan.inputs(nodes[1:-1])[inner, 0] - found.x[inner])) < 1e-3 * limit[1]
 
 
 def test_sequential_programming_finds_the_same_plan_within_a_state_limit() -> None:
@@ -213,6 +216,20 @@ def test_limited_twist_of_the_two_disc_rig(duration: float, shares: tuple[float,
         assert {active.name for active in plan.active} == {"'twist'"}
         costs.append(cost(plan, **TWO_DISC_WEIGHTS))
     assert all(a < b for a, b in itertools.pairwise(costs))  # the tighter the dearer
+
+
+def test_the_arcs_at_the_limits_do_not_depend_on_the_step() -> None:
+    """With a limited rate, the twist's limit is touched beside the arc on it, rate limit to rate limit: the optimum's own."""
+    limits = Limits(input=0.045, input_rate=0.05, states=[twist_limit(0.02)])
+    weights = {"R": 1.0, "Q_y": 10.0}
+    coarse, fine = (
+        constrained_redesign(TWO_DISC, rest_to_rest(0.0, 1.0, 10.0), limits=limits, step=step, **weights) for step in (0.02, 0.01)
+    )
+    for found, expected in zip(coarse.active, fine.active, strict=True):
+        assert (found.name, found.side) == (expected.name, expected.side)
+        assert np.array(found.intervals) == pytest.approx(np.array(expected.intervals), abs=0.03)
+    assert {each.name: len(each.intervals) for each in fine.active}["'twist'"] == 3
+    assert cost(fine, **weights) <= cost(coarse, **weights) <= cost(fine, **weights) * (1 + 3e-6)
 
 
 def test_limited_rate() -> None:

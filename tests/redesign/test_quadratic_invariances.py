@@ -52,6 +52,16 @@ def test_certificate(case: str) -> None:
     assert plan.certificate.output_error == pytest.approx(by_design, rel=1e-2)
 
 
+def test_a_reference_that_comes_back_but_for_rounding() -> None:
+    """0.1 + 0.2 is not 0.3 in floating point: what is held beside the operating point then costs nothing that matters."""
+    point = OperatingPoint(x0=np.zeros(3), u0=np.zeros(1), y0=np.array([0.3]))
+    there = StateSpace(NONMINIMUM.A, NONMINIMUM.B, NONMINIMUM.C, operating_point=point)
+    plan = quadratic_redesign(there, there_and_back(size=0.7) + constant(0.1 + 0.2), **WEIGHTS)
+    expected = quadratic_redesign(NONMINIMUM, there_and_back(size=0.7), **WEIGHTS)
+    assert_close(plan(TIMES).u, expected(TIMES).u)
+    assert cost(plan, **WEIGHTS) == pytest.approx(cost(expected, **WEIGHTS), rel=1e-9)
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_superposition(case: str) -> None:
     model, weights, reference = CASES[case]

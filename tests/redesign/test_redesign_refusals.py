@@ -35,6 +35,7 @@ def beside(b: list[float], c: list[float], oscillator: np.ndarray = OSCILLATOR) 
         ({"R": "dear"}, "R must be a number"),
         ({"Q_x": np.diag([1.0, -1e-3, 1.0])}, "Q_x must be positive semidefinite"),
         ({"Q_x": [[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]}, "Q_x must be symmetric"),
+        ({"Q_x": np.eye(3) + 0.1j * np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 0]])}, "a constant Q_x must be real"),
         ({"Q_x": np.eye(2)}, r"\(3, 3\) matrix for the states \['x1', 'x2', 'x3'\]"),
         ({"Q_y": math.nan}, "Q_y has entries that are not finite"),
         ({"Q_y": -1.0}, "Q_y must be positive semidefinite"),

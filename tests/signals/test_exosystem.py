@@ -105,7 +105,7 @@ def test_what_is_handed_in_is_copied() -> None:
         (lambda: exosystem([[0, 1]], [1, 0]), r"has A_e \(1, 2\) and C_e \(1, 2\), expected \(1, 1\)"),
         (lambda: exosystem([[0.0]], [[1.0, 0.0]]), r"C_e \(1, 2\), expected \(1, 1\) and \(1, 1\)"),
         (lambda: exosystem([[np.nan]], [1.0]), "A_e must be a matrix of finite real numbers"),
-        (lambda: exosystem([["a"]], [1.0]), "A_e must be a matrix of real numbers"),
+        (lambda: exosystem([["a"]], [1.0]), "A_e must be real numbers, got"),
         (lambda: exosystem([[0.0]], [1.0], start=1.0, end=1.0), "end must be after start, got start 1.0 and end 1.0"),
         (lambda: exosystem([[0.0]], [1.0], start=1.0, outside="ring"), "outside must be 'zero' or 'hold', got 'ring'"),  # type: ignore[arg-type]
         (lambda: exosystem([[0.0]], [1.0], names=["a", "b"]), r"expected 1 distinct names .* got \['a', 'b'\]"),
@@ -122,9 +122,25 @@ def test_what_is_handed_in_is_copied() -> None:
             lambda: sum_exosystems([step_exosystem(), stack_exosystems([step_exosystem(), step_exosystem()])]),
             r"cannot add exosystems with \[1, 2\] outputs",
         ),
-        (lambda: stack_exosystems([]), "expected at least one exosystem"),
+        (lambda: stack_exosystems([]), "expected at least one exosystem and nothing else, got none"),
+        (lambda: sum_exosystems([step_exosystem(), 2.0]), r"nothing else, got \['float'\]"),  # type: ignore[list-item]
+        (lambda: polynomial_exosystem("2"), "whole number from 0 on, got '2'"),  # type: ignore[arg-type]
+        (lambda: sinusoidal_exosystem(["fast"]), r"frequencies must be real numbers, got \['fast'\]"),
+        (lambda: step_exosystem(start="now"), "switch times of the exosystem must be real numbers"),  # type: ignore[arg-type]
+        (lambda: step_exosystem().reference("x"), "the exosystem's state must be real numbers, got 'x'"),
+        (lambda: step_exosystem().transition(0.0, np.nan), "finite times, got from 0.0 to nan s"),
     ],
 )
 def test_bad_input_says_what_was_expected(build: object, message: str) -> None:
     with pytest.raises(TrajectoryError, match=message):
         build()  # type: ignore[operator]
+
+
+def test_weighted_states_give_the_same_output() -> None:
+    """A state that nothing shows, and that would run away, stands still; matrices that recur stay one."""
+    plain = exosystem([[0.0, 2.0, 0.0], [0.0, -0.3, 0.0], [5.0, 1.0, 0.7]], [[1.0, 0.5, 0.0]], start=0.0, end=3.0)
+    w, x_e, t = np.array([8.0, 0.25, 0.0]), np.array([0.3, -1.2, 0.8]), np.linspace(-1.0, 4.0, 51)
+    weighted = plain.weighted(w)
+    assert weighted.reference([*(w * x_e)[:2], 0.8])(t) == pytest.approx(plain.reference(x_e)(t), rel=1e-12)
+    assert weighted.states([*(w * x_e)[:2], 0.8], 0.0, t)[:, 2] == pytest.approx(np.full(51, 0.8))
+    assert len({id(A_e) for A_e in weighted.A}) == 2

@@ -13,7 +13,7 @@ SCRIPT = Path(__file__).parents[2] / "sims" / "cantilever_sensors.py"
 
 
 def test_prediction_and_physics_stand_side_by_side(tmp_path: Path) -> None:
-    words = [sys.executable, str(SCRIPT), "--timestep", "0.01", "--no-figures", "--out", str(tmp_path)]
+    words = [sys.executable, str(SCRIPT), "--timestep", "0.005", "--no-figures", "--out", str(tmp_path)]
     finished = subprocess.run(words, capture_output=True, text=True, check=False)
     assert finished.returncode == 0, finished.stderr
     assert "the actuator passes on -inf to inf" in finished.stdout
@@ -25,6 +25,8 @@ def test_prediction_and_physics_stand_side_by_side(tmp_path: Path) -> None:
         tolerance = 0.1 if name == "kalman_coarse" else 1e-4
         assert numbers["measured_max_error"] == pytest.approx(numbers["predicted_max_error"], rel=tolerance)
         assert numbers["measured_peak_input"] == pytest.approx(numbers["predicted_peak_input"], rel=1e-6)
-    assert cases["full_state"]["max_error"] < cases["kalman_ideal_sensors"]["max_error"] < cases["kalman_noise"]["max_error"]
+    # What holding the input costs is known beforehand: from the plan's state ideal sensors are as good as the state itself.
+    assert cases["kalman_ideal_sensors"]["max_error"] == pytest.approx(cases["full_state"]["max_error"], rel=1e-3)
+    assert cases["kalman_ideal_sensors"]["max_error"] < cases["kalman_noise"]["max_error"]
     assert cases["kalman_noise"]["max_error"] < 10 * summary["noise"]
     assert len(list(tmp_path.glob("*.rrd"))) == 5

@@ -39,9 +39,10 @@ def test_linear_model_predicts_the_physics(rig: Rig) -> None:
         "tip_position": invtrack.Sensor(noise=1e-3, quantization=1e-4),
         "base_position": invtrack.Sensor(noise=1e-3, delay=0.015),
     }
-    for controller in (invtrack.TrackingController(rig.nominal, rig.gains, period=0.01), with_observer(rig, period=0.01)):
-        physics = run(rig, rig.plant, controller, sensors=noise)
-        prediction = run(rig, linear, controller, sensors=noise)
+    state = invtrack.TrackingController(rig.nominal, rig.gains, period=0.01)
+    for controller, sensors in ((state, {}), (with_observer(rig, period=0.01), noise)):
+        physics = run(rig, rig.plant, controller, sensors=sensors)
+        prediction = run(rig, linear, controller, sensors=sensors)
         assert np.array_equal(physics.time, prediction.time)
         np.testing.assert_allclose(physics.output.values, prediction.output.values, atol=1e-6)
         assert (physics.output.names, physics.output.units) == (prediction.output.names, prediction.output.units)
@@ -55,9 +56,11 @@ def test_linear_plant_tracks_to_the_same_order(rig: Rig) -> None:
 
 
 def test_without_noise_the_observer_costs_nothing_on_the_plan(rig: Rig) -> None:
-    state = invtrack.max_error(run(rig, rig.plant, invtrack.TrackingController(rig.nominal, rig.gains, period=0.01)))
-    observer = invtrack.max_error(run(rig, rig.plant, with_observer(rig, period=0.01)))
-    assert observer < 3 * state
+    """Also where the plant jumps within a hold: what holding the input does there is known and not left for the sensors to find."""
+    state = run(rig, rig.plant, invtrack.TrackingController(rig.nominal, rig.gains, period=0.05))
+    observed = run(rig, rig.plant, with_observer(rig, period=0.05))
+    size = np.max(np.abs(state.error))
+    np.testing.assert_allclose(observed.error, state.error, atol=1e-3 * size)
 
 
 def test_a_wrong_start_is_estimated_away_at_the_observers_rate(rig: Rig) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,13 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from invtrack.inversion.maps.pieces import inner_times
+from invtrack.inversion.maps.scaling import column_weights
+from invtrack.lti.comparable import RESOLVED, comparable_size, unit_ratios
 from invtrack.lti.normal_form import NormalForm, normal_form
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.signals.exosystem import Exosystem
 from invtrack.signals.nominal import TwoSidedTrajectory
-from invtrack.signals.regulation import InadmissibleState
+from invtrack.signals.regulation_certificate import InadmissibleState
 
 Array = NDArray[np.float64]
 
@@ -24,10 +27,10 @@ JUMP_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Jumps:
-    """Discontinuities of a map at its breakpoints t_0 ... t_m.
+    """Discontinuities of a map at its breakpoints t_0 ... t_m, for an exosystem whose states are of comparable size.
 
     times (m + 1,) [s]. jump (m + 1, n, q): G(t_k+) - G(t_k-), entries within rounding set to zero; size (m + 1, n, q): of G around
-    each breakpoint; Phi (m + 1, q, q): x_e(t_k) = Phi_k x_e(t_0).
+    each breakpoint; Phi (m + 1, q, q): x_e(t_k) = Phi_k x_e(t_0). All for w x_e, the weighted states: see `visibility`.
     """
 
     times: Array
@@ -41,49 +44,54 @@ class Jumps:
         return np.flatnonzero(np.any(self.jump, axis=(1, 2))).tolist()
 
 
-def map_jumps(trajectory: TwoSidedTrajectory, exosystem: Exosystem, n: int) -> Jumps:
-    """Jumps of G (n, q), from its values on both sides of each breakpoint."""
-    q, edges = exosystem.n_states, trajectory.breakpoints
+def map_jumps(trajectory: TwoSidedTrajectory, exosystem: Exosystem, plant: SwitchedSystem, weights: Array) -> Jumps:
+    """Jumps of G (n, q), from its values on both sides of each breakpoint, for the exosystem's states times `weights` (q,)."""
+    exosystem, w = exosystem.weighted(weights), column_weights(weights)
+    n, q, edges = plant.systems[0].n_states, exosystem.n_states, trajectory.breakpoints
     sides = np.arange(len(edges))
     middles = inner_times(edges)
     rows = slice(0, n * q)
-    left, right = (trajectory(edges, sides + side, rows).reshape(-1, n, q) for side in (0, 1))
-    inner = np.abs(trajectory(middles, np.arange(len(middles)), rows).reshape(-1, n, q))
+    left, right = (trajectory(edges, sides + side, rows).reshape(-1, n, q) / w for side in (0, 1))
+    inner = np.abs(trajectory(middles, np.arange(len(middles)), rows).reshape(-1, n, q)) / w
     around = np.maximum(np.maximum(np.abs(left), np.abs(right)), np.maximum(inner[:-1], inner[1:]))
-    size, jump = entry_sizes(around), right - left
+    size, jump = entry_sizes(around, unit_ratios(plant)), right - left
     steps = [exosystem.transition(a, b) for a, b in itertools.pairwise(edges.tolist())]
     Phi = np.array(list(itertools.accumulate(steps, lambda so_far, step: step @ so_far, initial=np.eye(q))))
     return Jumps(edges, np.where(np.abs(jump) > JUMP_TOLERANCE * size, jump, 0.0), size, Phi)
 
 
-def entry_sizes(values: Array) -> Array:
-    """What the entries of matrices (m, n, q) are measured against: row size times column size, free of the units of both."""
-    row = np.max(values, axis=2, keepdims=True, initial=0.0)
+def entry_sizes(values: Array, ratios: Array) -> Array:
+    """What the entries of matrices (m, n, q) are measured against: row size times column size, free of the units of the rows.
+
+    Columns, for weighted states of the exosystem, are comparable, and rows of the plant's states by `ratios` (n, n), see
+    `unit_ratios`. One far smaller than the largest, because all that makes it up cancels, holds rounding: of a plant at rest, the
+    velocities.
+    """
+    row = np.max(values, axis=2, initial=0.0)
+    row = comparable_size(row, ratios)[:, :, None]
     row = np.where(row > 0, row, 1.0)
     column = np.max(values / row, axis=1, keepdims=True, initial=0.0)
+    column = np.maximum(column, RESOLVED * np.max(column, axis=2, keepdims=True))
     return np.asarray(row * np.where(column > 0, column, 1.0))
 
 
 def admissible_states(jumps: Jumps) -> Array:
-    """Orthonormal basis (q, d) of the states x_e(t_0) with [G(t_k+) - G(t_k-)] x_e(t_k) = 0 at every breakpoint."""
-    rows, sizes = [], []
+    """Orthonormal basis (q, d) of the weighted states x_e(t_0) with [G(t_k+) - G(t_k-)] x_e(t_k) = 0 at every breakpoint."""
+    rows = []
     for k in jumps.where:
-        row, size = jumps.jump[k] @ jumps.Phi[k], jumps.size[k] @ np.abs(jumps.Phi[k])  # in x_e(t_0)
+        row, size = jumps.jump[k] @ jumps.Phi[k], jumps.size[k] @ np.abs(jumps.Phi[k])
         unit = jumps.size[k].max(axis=1, keepdims=True)
         rows.append(np.where(np.abs(row) > JUMP_TOLERANCE * size, row, 0.0) / unit)
-        sizes.append(size / unit)
     if not rows:
         return np.eye(jumps.Phi.shape[1])
-    column = np.max(np.vstack(sizes), axis=0)  # the exosystem's states in units of their own
-    conditions = np.vstack(rows) / column
+    conditions = np.vstack(rows)
     norms = np.linalg.norm(conditions, axis=1, keepdims=True)
-    free = scipy.linalg.null_space(conditions / np.where(norms > 0, norms, 1.0), rcond=JUMP_TOLERANCE)
-    basis: Array = np.linalg.qr(free / column[:, None])[0]
+    basis: Array = scipy.linalg.null_space(conditions / np.where(norms > 0, norms, 1.0), rcond=JUMP_TOLERANCE)
     return basis
 
 
 def largest_jump(jumps: Jumps, states: Array) -> float:
-    """Largest jump of G x_e at a breakpoint for x_e(t_0) in the columns of `states` (q, d), relative to its size there."""
+    """Largest jump of G x_e at a breakpoint for weighted x_e(t_0) in the columns of `states` (q, d), relative to its size there."""
     worst = 0.0
     for k in jumps.where:
         x_e = jumps.Phi[k] @ states
@@ -93,10 +101,10 @@ def largest_jump(jumps: Jumps, states: Array) -> float:
 
 
 def inadmissible_states(
-    plant: SwitchedSystem, jumps: Jumps, exosystem: Exosystem, admissible: Array
+    plant: SwitchedSystem, jumps: Jumps, names: Sequence[str], admissible: Array, weights: Array
 ) -> tuple[InadmissibleState, ...]:
     """The named states outside the admissible subspace: where each fails most, in which derivative, and by how much."""
-    q = exosystem.n_states
+    q, w = len(names), column_weights(weights)
     found: list[InadmissibleState] = []
     for j in np.flatnonzero(np.linalg.norm(np.eye(q) - admissible @ admissible.T, axis=0) > JUMP_TOLERANCE).tolist():
         jumped = {k: jumps.jump[k] @ jumps.Phi[k, :, j] for k in jumps.where}
@@ -105,7 +113,8 @@ def inadmissible_states(
         worst = min(k for k, share in shares.items() if share >= max(shares.values()) / 2)
         time = float(jumps.times[worst])
         form = normal_form(plant.systems[int(plant.interval(time))])
-        found.append(InadmissibleState(exosystem.names[j], time, *_where(form, plant.systems[0].output_names, jumped[worst])))
+        jump = jumped[worst] * w[j]
+        found.append(InadmissibleState(names[j], time, *_where(form, plant.systems[0].output_names, jump)))
     return tuple(found)
 
 

@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.inversion.maps.admissible import entry_sizes
+from invtrack.inversion.maps.scaling import column_weights
+from invtrack.lti.comparable import unit_ratios
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.signals.exosystem import Exosystem
 from invtrack.signals.nominal import TwoSidedTrajectory
-from invtrack.signals.regulation import RegulationCertificate
+from invtrack.signals.regulation_certificate import RegulationCertificate
 
 Array = NDArray[np.float64]
 
@@ -25,18 +27,23 @@ def certify_map(
     trajectory: TwoSidedTrajectory,
     span: tuple[float, float],
     *,
+    weights: Array,
     boundary_residual: float,
     continuity: float,
 ) -> RegulationCertificate:
-    """Residuals of a map over `span` [s]; `boundary_residual` and `continuity`, from its values too, are handed on."""
+    """Residuals of a map over `span` [s], for the exosystem's states times `weights` (q,), relative to `entry_sizes`.
+
+    `boundary_residual` and `continuity`, from its values too, are handed on.
+    """
     n, q = model.systems[0].n_states, exosystem.n_states
+    exosystem, w, ratios = exosystem.weighted(weights), column_weights(weights), unit_ratios(model)
     starts, ends, piece = _panels(trajectory, span)
     middle, half = (starts + ends) / 2, (ends - starts) / 2
     times = (middle[:, None] + half[:, None] * NODES).ravel()
-    values = trajectory(times, np.repeat(piece, len(NODES))).reshape(len(piece), len(NODES), -1, q)
+    values = trajectory(times, np.repeat(piece, len(NODES))).reshape(len(piece), len(NODES), -1, q) / w
     G, F = values[:, :, :n], values[:, :, n:]
-    G_start, G_end = (trajectory(t, piece, slice(0, n * q)).reshape(-1, n, q) for t in (starts, ends))
-    size = entry_sizes(np.max(np.abs(G), axis=1))
+    G_start, G_end = (trajectory(t, piece, slice(0, n * q)).reshape(-1, n, q) / w for t in (starts, ends))
+    size = entry_sizes(np.max(np.abs(G), axis=1), ratios)
     residual, output = np.empty((len(piece), n, q)), 0.0
     owners = np.stack([model.interval(middle), exosystem.interval(middle)], axis=1)
     for k, e in np.unique(owners, axis=0):
@@ -45,7 +52,7 @@ def certify_map(
         g, f = G[chosen], F[chosen]
         slope = np.einsum("mgij,g->mij", system.A @ g + system.B @ f - g @ A_e, WEIGHTS) * half[chosen, None, None]
         terms = np.abs(system.A) @ np.abs(g) + np.abs(system.B) @ np.abs(f) + np.abs(g) @ np.abs(A_e)
-        size[chosen] = np.maximum(size[chosen], entry_sizes(np.max(terms, axis=1) * half[chosen, None, None]))
+        size[chosen] = np.maximum(size[chosen], entry_sizes(np.max(terms, axis=1) * half[chosen, None, None], ratios))
         residual[chosen] = np.abs(G_end[chosen] - G_start[chosen] - slope)
         missed = np.abs(system.C @ g + system.D @ f - C_e)
         # Where C_e has a zero, G's entries only add up to rounding: measured against what they could add up to.

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from invtrack.errors import InversionError
 from invtrack.inversion.bounded_solution.pieces import InversePiece, inverse_piece
 from invtrack.inversion.regulator import francis
-from invtrack.lti.balancing import balancing_scale
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.lti.zero_dynamics import SplitDynamics
@@ -37,7 +36,7 @@ class MapPiece:
     Z_s' = A_s Z_s - Z_s A_e + D_s, forward from the piece's start, Z_u' = A_u Z_u - Z_u A_e + D_u, backward from its end. On pieces
     without end Z_s, Z_u are distances from the bounded particular solution steady_s, steady_u, which is then in `base`, and D_s and
     D_u are zero. Shapes: from_s (n + p, n_s), from_u (n + p, n_u), base (n + p, q), D_s (n_s, q), D_u (n_u, q). All of this holds
-    for an exosystem whose states are measured in `units` (q,). plan: the generator of [x; u; y] for one trajectory of it.
+    for the exosystem's states times their `weights` (q,). plan: the generator of [x; u; y] for one trajectory of it.
     """
 
     place: Place
@@ -51,7 +50,7 @@ class MapPiece:
     steady_s: Array
     steady_u: Array
     plan: TwoSidedGenerator
-    units: Array
+    weights: Array
 
     @cached_property
     def constant(self) -> float:
@@ -63,10 +62,10 @@ class MapPiece:
     @cached_property
     def generator(self) -> TwoSidedGenerator:
         """[G; F] row by row, in the states' own units, from v = [Z row by row; constant]; vec(Z A_e) = (I x A_e') vec(Z)."""
-        none, base = np.zeros((0, 0)), (self.base / self.units).reshape(-1, 1) / self.constant
+        none, base = np.zeros((0, 0)), (self.base * self.weights).reshape(-1, 1) / self.constant
         no_columns, zero = np.zeros((base.size, 0)), np.zeros_like(base)
         M_s, M_u = (self._driven(A, D) for A, D in ((self.split.A_s, self.D_s), (self.split.A_u, self.D_u)))
-        X_s, X_u = np.kron(self.from_s, np.diag(1 / self.units)), np.kron(self.from_u, np.diag(1 / self.units))
+        X_s, X_u = np.kron(self.from_s, np.diag(self.weights)), np.kron(self.from_u, np.diag(self.weights))
         if self.place == "before":
             return TwoSidedGenerator(none, no_columns, M_u, np.hstack([X_u, base]))
         if self.place == "after":
@@ -76,7 +75,7 @@ class MapPiece:
     @property
     def settled(self) -> TwoSidedGenerator:
         """[G; F] of an endless piece whose Z is zero: constant for all time, where its equations might grow without bound."""
-        none, base = np.zeros((0, 0)), (self.base / self.units).reshape(-1, 1) / self.constant
+        none, base = np.zeros((0, 0)), (self.base * self.weights).reshape(-1, 1) / self.constant
         no_columns, still = np.zeros((base.size, 0)), np.zeros((1, 1))
         if self.place == "before":
             return TwoSidedGenerator(none, no_columns, still, base)
@@ -89,11 +88,10 @@ class MapPiece:
 
 
 def map_pieces(
-    plant: SwitchedSystem, splits: Sequence[SplitDynamics], exosystem: Exosystem, breakpoints: Array
+    plant: SwitchedSystem, splits: Sequence[SplitDynamics], exosystem: Exosystem, breakpoints: Array, weights: Array
 ) -> tuple[list[MapPiece], NDArray[np.intp]]:
-    """The distinct pieces, and which of them lies before, between and after the breakpoints, (m + 2,)."""
-    units = _units(exosystem)
-    exosystem = exosystem.transformed(np.diag(1 / units))
+    """The distinct pieces, and which of them lies before, between and after the breakpoints, (m + 2,); weights: `visibility`."""
+    exosystem = exosystem.weighted(weights)
     middles = inner_times(breakpoints)
     keys: list[tuple[int, int, Place]] = []
     for j, (k, e) in enumerate(zip(plant.interval(middles).tolist(), exosystem.interval(middles).tolist(), strict=True)):
@@ -105,7 +103,7 @@ def map_pieces(
         identity = (id(plant.systems[k]), id(exosystem.A[e]), id(exosystem.C[e]), place)
         if identity not in found:
             found[identity] = len(pieces)
-            pieces.append(_map_piece(plant.systems[k], splits[k], exosystem.A[e], exosystem.C[e], place, units))
+            pieces.append(_map_piece(plant.systems[k], splits[k], exosystem.A[e], exosystem.C[e], place, weights))
         kind[j] = found[identity]
     return pieces, kind
 
@@ -128,12 +126,7 @@ def map_breakpoints(plant: SwitchedSystem, exosystem: Exosystem) -> Array:
     return np.sort(np.concatenate([edges, *stops]))
 
 
-def _units(exosystem: Exosystem) -> Array:
-    """Powers of two in which the exosystem's states act on each other about equally strongly, (q,): exact to undo."""
-    return balancing_scale(np.sum(np.abs(exosystem.A), axis=0), within_parts=True)
-
-
-def _map_piece(system: StateSpace, split: SplitDynamics, A_e: Array, C_e: Array, place: Place, units: Array) -> MapPiece:
+def _map_piece(system: StateSpace, split: SplitDynamics, A_e: Array, C_e: Array, place: Place, weights: Array) -> MapPiece:
     n, p = system.n_states, system.n_channels
     endless = place != "inside"
     if endless and np.any(C_e):
@@ -154,7 +147,7 @@ def _map_piece(system: StateSpace, split: SplitDynamics, A_e: Array, C_e: Array,
         steady_s=inverse.steady_s,
         steady_u=inverse.steady_u,
         plan=_plan(inverse, place),
-        units=units,
+        weights=weights,
     )
 
 

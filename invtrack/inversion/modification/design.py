@@ -32,6 +32,8 @@ def robust_design(problem: DesignProblem) -> Solved:
 def least_error_design(problem: DesignProblem) -> Solved:
     """The choice with the least integral square error among several of F, each with L = 0 and with L by least squares.
 
+    Those that rounding keeps from solving the plant's equations are passed over.
+
     Raises InversionError where the poles cannot be placed in any way.
     """
     placed = {_placement_name(problem): _dynamics(problem, lambda part, _: robust_gain(part, problem.output_scale))}
@@ -44,12 +46,15 @@ def least_error_design(problem: DesignProblem) -> Solved:
             found += [plain, with_least_squares(problem, plain)]
     if not found:
         raise _not_placed(problem)
-    best = min(found, key=lambda solved: solved.integral_square_error)
+    ranked = sorted(found, key=lambda solved: solved.integral_square_error)
+    best = next((solved for solved in ranked if problem.is_accurate(solved.solution)), ranked[0])
     candidates = tuple(Candidate(solved.name, solved.integral_square_error) for solved in found)
     listed = ", ".join(f"{c.name}: {c.integral_square_error:.3e}" for c in candidates)
     remark = (
         f"integral square error of the choices of F and L, in s times the outputs' scale squared: {listed}; {best.name} was taken"
     )
+    if best is not ranked[0]:
+        remark += ", since those with less are too ill-conditioned"
     return replace(best, candidates=candidates, remarks=(remark,))
 
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.inversion.bounded_solution.refusals import ACCURACY
 from invtrack.inversion.bounded_solution.solution import BoundedSolution, bounded_solution
 from invtrack.inversion.modification.dynamics import ModifiedDynamics
 from invtrack.inversion.modification.error_samples import ErrorSamples, error_samples
@@ -16,6 +17,7 @@ from invtrack.inversion.modification.placement import MovablePart
 from invtrack.inversion.modification.trajectory import Candidate
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.lti.zero_dynamics import InternalDynamics
+from invtrack.signals.certificate import certify
 from invtrack.signals.piecewise import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -51,6 +53,11 @@ class DesignProblem:
         """The bounded solution for one choice of F and L in each interval."""
         built = [d.with_feedforward(entry) for d, entry in zip(dynamics, L, strict=True)]
         return bounded_solution(self.plant, [b[0] for b in built], self.deviation, [b[1] for b in built])
+
+    def is_accurate(self, solution: BoundedSolution) -> bool:
+        """Whether a solution keeps the plant's equations over the manoeuvre, so that it may be handed out."""
+        certificate = certify(self.plant, solution.trajectory, self.deviation, solution.support)
+        return max(certificate.dynamics_residual, certificate.continuity) <= ACCURACY
 
     def errors(self, solution: BoundedSolution) -> Array:
         """Weighted error samples (m p,); their sum of squares is the integral of the squared error."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from invtrack.inversion.modification.dynamics import Equilibrium, derivative_columns
 from invtrack.inversion.modification.error_samples import TIME_CONSTANTS
+from invtrack.inversion.modification.feedforward_fit import best_weights
 from invtrack.inversion.modification.placement import MovablePart, distinct, integrator_chains
 from invtrack.lti.zero_dynamics import InternalDynamics
 from invtrack.signals.piecewise import PiecewiseSignal
@@ -68,9 +69,8 @@ class _Modes:
         n_d = self.D.shape[1]
         start = np.einsum("ij,jl,njl->ni", outputs, W[:, :n_d], self.responses).ravel()
         added = np.einsum("ij,jv,njl->nivl", outputs, W[:, n_d:] * self.output_scale, self.responses).reshape(len(start), -1)
-        A, b = np.vstack([added.real, added.imag]), np.concatenate([start.real, start.imag])
-        L = np.linalg.lstsq(A, b, rcond=1e-10)[0]
-        return float(np.sum((b - A @ L) ** 2))
+        plain, responses = np.concatenate([start.real, start.imag]), np.vstack([added.real, added.imag])
+        return float(np.sum((plain + responses @ best_weights(responses, plain)) ** 2))
 
     def _output_rows(self, Q: ComplexArray, G: ComplexArray) -> ComplexArray:
         """e of each output per mode: the head of its chain, or for an output without one v itself."""

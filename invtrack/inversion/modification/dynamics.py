@@ -12,7 +12,8 @@ from invtrack.inversion.bounded_solution.pieces import Correction
 from invtrack.inversion.modification.placement import MovablePart, integrator_chains
 from invtrack.lti.balancing import balancing_scale
 from invtrack.lti.normal_form import NormalForm
-from invtrack.lti.zero_dynamics import AXIS_TOLERANCE, InternalDynamics, SplitDynamics, split_by
+from invtrack.lti.switched import SwitchedSystem
+from invtrack.lti.zero_dynamics import AXIS_TOLERANCE, InternalDynamics, SplitDynamics, internal_dynamics, split_by
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -67,6 +68,12 @@ def _solver(internal: InternalDynamics) -> Callable[[Array], Array]:
 def has_equilibrium(internal: InternalDynamics) -> bool:
     """Whether every value of the output can be held: A_eta is not singular to within what the model resolves."""
     return not len(internal.A_eta) or float(np.linalg.svd(internal.A_eta, compute_uv=False)[-1]) > internal.uncertainty
+
+
+def undivided_dynamics(plant: SwitchedSystem) -> list[SplitDynamics]:
+    """Internal dynamics of each interval, all of them in the part that runs forward, whatever their zeros."""
+    known = {id(system): split_by(internal_dynamics(system), lambda zero: True) for system in plant.systems}
+    return [known[id(system)] for system in plant.systems]
 
 
 def derivative_columns(form: NormalForm) -> list[tuple[int, int, int]]:

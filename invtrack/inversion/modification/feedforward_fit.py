@@ -16,8 +16,18 @@ Array = NDArray[np.float64]
 NO_EFFECT = 1e-12
 """A term of L changes nothing where its error is below this share of the largest term's; least squares leaves it at zero."""
 
-SMALLEST_RATIO = 1e-10
-"""Combinations of terms whose effect is below this share of the strongest are left out: they would take large terms for little."""
+SMALLEST_RATIO = 1e-3
+"""Combinations of terms whose effect is below this share of the strongest are left out: they would take large terms for little,
+as where the references of two outputs are nearly the same, and cost accuracy."""
+
+
+def best_weights(responses: Array, error: Array) -> Array:
+    """Weights w (k,), as small as possible, with which error (m,) + responses (m, k) @ w has the least sum of squares."""
+    size = np.linalg.norm(responses, axis=0)
+    kept, weights = size > NO_EFFECT * np.max(size, initial=0.0), np.zeros(len(size))
+    if np.any(kept):
+        weights[kept] = np.linalg.lstsq(responses[:, kept] / size[kept], -error, rcond=SMALLEST_RATIO)[0] / size[kept]
+    return weights
 
 
 @dataclass(frozen=True)
@@ -44,12 +54,8 @@ def with_least_squares(problem: DesignProblem, plain: Solved) -> Solved:
         return replace(plain, name=name)
     start, best = problem.errors(plain.solution), list(plain.L)
     responses = np.array([problem.errors(problem.solve(plain.dynamics, entry.added(plain.L, 1.0))) - start for entry in entries])
-    size = np.linalg.norm(responses, axis=1)
-    kept = np.flatnonzero(size > NO_EFFECT * np.max(size, initial=0.0))
-    if kept.size:
-        weights = np.linalg.lstsq((responses[kept] / size[kept, None]).T, -start, rcond=SMALLEST_RATIO)[0] / size[kept]
-        for j, weight in zip(kept, weights, strict=True):
-            best = entries[j].added(best, float(weight))
+    for entry, weight in zip(entries, best_weights(responses.T, start), strict=True):
+        best = entry.added(best, float(weight))
     solution = problem.solve(plain.dynamics, best)
     error = float(np.sum(problem.errors(solution) ** 2))
     return replace(plain, name=name, L=best, solution=solution, integral_square_error=error)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -85,11 +86,11 @@ def movable_part(
     Raises InversionError for chain poles of a wrong number, unstable or not in conjugate pairs.
     """
     form = internal.form
-    rho, wanted = sum(form.relative_degree), np.array(chain_poles, dtype=complex).reshape(-1)
-    if len(wanted) != rho or np.any(wanted.real >= 0) or not closed_under_conjugation(wanted):
+    rho, wanted = sum(form.relative_degree), _poles(chain_poles)
+    if wanted is None or len(wanted) != rho or not np.all(wanted.real < 0) or not closed_under_conjugation(wanted):
         raise InversionError(
             f"chain_poles must be {rho} poles left of the imaginary axis, complex ones in conjugate pairs (as many as "
-            f"the relative degrees {form.relative_degree} add up to); got {wanted.tolist()}"
+            f"the relative degrees {form.relative_degree} add up to); got {chain_poles!r}"
         )
     n_z, k = len(internal.A_eta), int(np.sum(moved))
     Q = np.zeros((n_z, 0))
@@ -106,6 +107,15 @@ def movable_part(
     M = np.block([[J, np.zeros((rho, k))], [Y.T @ internal.A_zeta, Y.T @ internal.A_eta @ Y]])
     B = np.vstack([E, Y.T @ internal.B_r])
     return MovablePart(M, B, Y, form.relative_degree, wanted, targets[moved])
+
+
+def _poles(values: Sequence[complex]) -> ComplexArray | None:
+    """Finite complex numbers (m,), or None for what is none."""
+    try:
+        poles = np.array(values, dtype=complex).reshape(-1)
+    except (TypeError, ValueError):
+        return None
+    return poles if np.all(np.isfinite(poles)) else None
 
 
 def _selector(zeros: ComplexArray, moved: NDArray[np.bool_]) -> Callable[[float, float], bool]:
@@ -126,7 +136,10 @@ def robust_gain(part: MovablePart, output_scale: Array) -> Array | None:
     off = np.linalg.norm(part.B[rho:] * d_v) / pace if len(part.B) > rho else 1.0
     d = np.concatenate([d_e, np.full(len(part.M) - rho, off if off > 0 else 1.0)])
     try:
-        placed = scipy.signal.place_poles(part.M * d / d[:, None] / pace, part.B * d_v / d[:, None] / pace, part.poles / pace)
+        with warnings.catch_warnings():
+            # Iterations that end before the gain is at its most robust leave the poles in place, and these are checked below.
+            warnings.filterwarnings("ignore", message="Convergence was not reached", category=UserWarning)
+            placed = scipy.signal.place_poles(part.M * d / d[:, None] / pace, part.B * d_v / d[:, None] / pace, part.poles / pace)
     except ValueError:  # poles repeated more often than there are inputs
         return _only_gain(part) if len(part.degrees) == 1 else None
     return _accepted(part, -np.asarray(placed.gain_matrix) * d_v[:, None] / d)

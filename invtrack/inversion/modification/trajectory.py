@@ -57,7 +57,7 @@ class Candidate:
     integral_square_error: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ModifiedTrajectory(NominalTrajectory):
     """A plan of `modified_inversion`: a trajectory of the plant whose output is near the wanted one, not on it.
 

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import RedesignError
+from invtrack.redesign.weights import real_weight, weight_matrix
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 WeightLike = ArrayLike | Callable[[float], ArrayLike]
 
-SYMMETRY_TOLERANCE = 1e-9
-"""Largest departure from W = W* and W(-w) = conj W(w), and most negative eigenvalue, as a share of the weight's norm."""
+CONJUGATE_TOLERANCE = 1e-9
+"""Largest departure from W(-w) = conj W(w), as a share of the weight's norm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,9 @@ class FrequencyWeight:
 
     def at(self, w: float) -> ComplexArray:
         """W(w) (k, k). Raises RedesignError where it is malformed, not Hermitian or not positive semidefinite."""
-        return self._checked(self.value(w) if callable(self.value) else self.value, w)
+        if callable(self.value):
+            return weight_matrix(self.name, self.value(w), self.size, where=f" at w = {w:.6g} rad/s")
+        return self.value.astype(complex)
 
     def factor(self, w: Array) -> ComplexArray:
         """F(w) with F*F = W at frequencies w (m,), not negative: (m, k, k)."""
@@ -48,25 +51,6 @@ class FrequencyWeight:
             return np.zeros((0, self.size, self.size), dtype=complex)
         return _square_root(np.stack([self.at(float(frequency)) for frequency in w]))
 
-    def _checked(self, raw: ArrayLike, w: float) -> ComplexArray:
-        where = f" at w = {w:.6g} rad/s" if callable(self.value) else ""
-        expected = f"{self.name} must be a number or a Hermitian positive semidefinite ({self.size}, {self.size}) matrix"
-        try:
-            matrix = np.asarray(raw, dtype=complex)
-        except (TypeError, ValueError) as error:
-            raise RedesignError(f"{expected}, or a function of frequency with such values; got {raw!r}{where}") from error
-        matrix = matrix * np.eye(self.size) if matrix.ndim == 0 else matrix
-        if matrix.shape != (self.size, self.size) or not np.all(np.isfinite(matrix)):
-            kind = "entries that are not finite" if matrix.shape == (self.size, self.size) else f"shape {matrix.shape}"
-            raise RedesignError(f"{expected}, got {kind}{where}")
-        norm = float(np.linalg.norm(matrix))
-        if np.max(np.abs(matrix - matrix.conj().T)) > SYMMETRY_TOLERANCE * norm:
-            raise RedesignError(f"{expected}, got one that differs from its conjugate transpose{where}")
-        smallest = float(np.linalg.eigvalsh(matrix)[0])
-        if smallest < -SYMMETRY_TOLERANCE * norm:
-            raise RedesignError(f"{expected}, its smallest eigenvalue is {smallest:.3g}{where}")
-        return matrix
-
 
 def frequency_weight(name: str, value: WeightLike, size: int, probes: Array) -> FrequencyWeight:
     """A weight, checked at the frequencies `probes` (m,) [rad/s]; a number stands for a multiple of the identity.
@@ -75,16 +59,11 @@ def frequency_weight(name: str, value: WeightLike, size: int, probes: Array) -> 
     function whose values at w and -w are not conjugate (a real trajectory would then have a complex optimum).
     """
     if not callable(value):
-        matrix = FrequencyWeight(name, size, value).at(0.0)  # type: ignore[arg-type]  # checked there
-        if np.max(np.abs(matrix.imag)) > SYMMETRY_TOLERANCE * np.linalg.norm(matrix):
-            raise RedesignError(
-                f"a constant {name} must be real; a complex one has to be a function with {name}(-w) = conj {name}(w)"
-            )
-        return FrequencyWeight(name, size, np.ascontiguousarray(matrix.real))
+        return FrequencyWeight(name, size, real_weight(name, value, size))
     weight = FrequencyWeight(name, size, value)
     for w in probes:
         here, mirrored = weight.at(float(w)), weight.at(-float(w))
-        if np.max(np.abs(mirrored - here.conj())) > SYMMETRY_TOLERANCE * np.linalg.norm(here):
+        if np.max(np.abs(mirrored - here.conj())) > CONJUGATE_TOLERANCE * np.linalg.norm(here):
             raise RedesignError(
                 f"{name} must have conjugate values at w and -w so that the redesign is real; at w = {w:.6g} rad/s it has not "
                 "(use |w| in its formula)"

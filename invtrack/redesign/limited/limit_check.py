@@ -19,7 +19,8 @@ TOUCHING = 1e-5
 """A value nearer to its limit than this share of the limit's size counts as on it."""
 
 STEP_SHARES = np.arange(17) / 16
-"""Shares of a step at which its worst excess is looked for; a parabola through the largest three finds what lies between."""
+"""Shares of a step at which its worst excess is looked for; a parabola through the largest and its neighbours finds what lies
+between."""
 
 TAIL_SAMPLES = 4000
 """Instants at which a tail is looked at, half of them evenly spread, half the denser the nearer to the manoeuvre."""
@@ -69,9 +70,10 @@ def worst_within_steps(trajectory: TwoSidedTrajectory, bounds: Sequence[Bound]) 
     middle = np.clip(best, 1, len(STEP_SHARES) - 2)
     left, centre, right = (np.take_along_axis(excess, (middle + k)[:, :, None], axis=2)[:, :, 0] for k in (-1, 0, 1))
     bend = left - 2 * centre + right
-    curved = (bend < 0) & (best == middle)
-    offset = np.where(curved, (left - right) / (2 * np.where(curved, bend, 1.0)), best - middle)
-    top = np.where(curved, centre - (left - right) * offset / 4, np.max(excess, axis=2))
+    vertex = (left - right) / (2 * np.where(bend < 0, bend, 1.0))
+    within = (bend < 0) & (np.abs(vertex) <= 1)  # also where the largest is the step's end: the vertex may lie beside it
+    offset = np.where(within, vertex, best - middle)
+    top = np.where(within, centre - (left - right) * vertex / 4, np.max(excess, axis=2))
     return top, (middle + offset) / (len(STEP_SHARES) - 1)
 
 

@@ -26,6 +26,9 @@ CONFLICT = 1e-6
 
 MOST_ITERATIONS = 100
 
+STATIC_REGULARIZATIONS = (1e-8, 1e-6)
+"""Of the solver's own equations, tried in this order; its refinement takes their effect out again."""
+
 REGULARIZATION = 1e-12
 """Keeps the equations of `nearest` solvable where rows repeat each other; refinement takes its effect out again."""
 
@@ -51,26 +54,31 @@ class QuadraticProgram:
 
         Raises RedesignError where the solver reaches neither.
         """
-        z, failure = self._attempt()
-        if z is not None:
-            return z
-        # An unbounded cost may hide from the solver that nothing meets the constraints; how far they are apart it always finds.
-        apart = self.least_loosening(np.zeros(len(self.h), dtype=np.intp))
-        if apart is None or apart[0] > CONFLICT:
+        answer = self._attempt()
+        if answer.z is not None:
+            return answer.z
+        # An unbounded cost may hide from the solver that nothing meets the constraints; how far they are apart it mostly finds.
+        loosened = self._elastic(np.zeros(len(self.h), dtype=np.intp))._attempt()
+        if loosened.infeasible or (answer.infeasible if loosened.z is None else loosened.z[-1] > CONFLICT):
             return None
         raise RedesignError(
-            f"the solver gave up on the limited redesign: {failure}; take a larger step, or bring weights and limits closer to "
+            f"the solver gave up on the limited redesign: {answer.says}; take a larger step, or bring weights and limits closer to "
             "each other"
         )
 
     def least_loosening(self, group: NDArray[np.intp]) -> Array | None:
-        """Least t (groups,) >= 0, in sum, with G z <= h + t[group] for some z that meets E z = e; None where there is none.
+        """Least t (groups,) >= 0, in sum, with G z <= h + t[group] for some z that meets E z = e; None where none is found.
 
         group (rows,): number of the group of each row of G, -1 where it must not be loosened.
         """
+        z = self._elastic(group)._attempt().z
+        return None if z is None else np.maximum(z[len(self.q) :], 0.0)
+
+    def _elastic(self, group: NDArray[np.intp]) -> QuadraticProgram:
+        """Minimise the sum of t over [z; t], as in `least_loosening`."""
         m, k, rows = len(self.q), int(np.max(group)) + 1, np.flatnonzero(group >= 0)
         give = csr_array(scipy.sparse.coo_array((-np.ones(len(rows)), (rows, group[rows])), shape=(len(group), k)))
-        elastic = QuadraticProgram(
+        return QuadraticProgram(
             P=csr_array((m + k, m + k)),
             q=np.concatenate([np.zeros(m), np.ones(k)]),
             E=csr_array(scipy.sparse.hstack([self.E, csr_array((len(self.e), k))])),
@@ -78,8 +86,6 @@ class QuadraticProgram:
             G=csr_array(scipy.sparse.block_array([[self.G, give], [csr_array((k, m)), -scipy.sparse.eye_array(k)]])),
             h=np.concatenate([self.h, np.zeros(k)]),
         )
-        z, _ = elastic._attempt()
-        return None if z is None else np.maximum(z[m:], 0.0)
 
     def nearest(self, z: Array, active: NDArray[np.bool_]) -> Array:
         """The point next to z at which E z = e, and G z = h for the active rows, to rounding."""
@@ -94,27 +100,42 @@ class QuadraticProgram:
             z = z + factors.solve(np.concatenate([np.zeros(m), wanted - rows @ z]))[:m]
         return z
 
-    def _attempt(self) -> tuple[Array | None, str]:
-        """The solver's z, or None and what it says."""
+    def _attempt(self) -> _Answer:
+        """What the solver finds, with as little regularization as will do."""
         A = scipy.sparse.csc_matrix(scipy.sparse.vstack([self.E, self.G]))
         b = np.concatenate([self.e, self.h])
         cones = [clarabel.ZeroConeT(len(self.e)), clarabel.NonnegativeConeT(len(self.h))]
         # Costs of about one, whatever their unit: the gap is measured against it.
         size = max(float(abs(self.P).max()), float(np.max(np.abs(self.q))), np.finfo(float).tiny)
         P = scipy.sparse.csc_matrix(scipy.sparse.triu(self.P / size))
-        solution = clarabel.DefaultSolver(P, self.q / size, A, b, cones, _settings()).solve()
-        if solution.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
-            return np.array(solution.x), "solved"
-        return None, (
-            f"{solution.status} after {solution.iterations} iterations, residuals {solution.r_prim:.1e} and {solution.r_dual:.1e}"
+        for regularization in STATIC_REGULARIZATIONS:
+            solution = clarabel.DefaultSolver(P, self.q / size, A, b, cones, _settings(regularization)).solve()
+            if solution.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
+                return _Answer(np.array(solution.x), False, "solved")
+            if solution.status == clarabel.SolverStatus.PrimalInfeasible:
+                return _Answer(None, True, "infeasible")
+        return _Answer(
+            None,
+            False,
+            f"{solution.status} after {solution.iterations} iterations, residuals {solution.r_prim:.1e} and {solution.r_dual:.1e}",
         )
 
 
-def _settings() -> clarabel.DefaultSettings:
+@dataclass(frozen=True, eq=False)
+class _Answer:
+    """The solver's z, whether it proved that there is none, and what it says."""
+
+    z: Array | None
+    infeasible: bool
+    says: str
+
+
+def _settings(regularization: float) -> clarabel.DefaultSettings:
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.max_threads = 1
     settings.max_iter = MOST_ITERATIONS
+    settings.static_regularization_constant = regularization
     settings.tol_gap_rel, settings.tol_gap_abs, settings.tol_feas = GAP, SMALLEST_GAP, RESIDUAL
     settings.reduced_tol_gap_abs = settings.reduced_tol_gap_rel = settings.reduced_tol_feas = ACCEPTED
     return settings

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,30 +11,15 @@ from scipy.sparse import csr_array
 
 from invtrack.lti.state_space import StateSpace
 from invtrack.redesign.limited.discretization import Grid
+from invtrack.redesign.limited.path_points import PathPoints
 from invtrack.redesign.limited.quadratic_program import QuadraticProgram
+from invtrack.redesign.limited.sparse_blocks import entries_of, sparse_sum
 from invtrack.redesign.limited.tails import Tail
 from invtrack.redesign.limits import Bound
 from invtrack.signals.nominal import TwoSidedGenerator, TwoSidedTrajectory
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-
-
-@dataclass(frozen=True, eq=False)
-class PathPoints:
-    """Where limits on states and outputs are imposed: number of the bound, step and share of that step, all (k,)."""
-
-    bound: Indices
-    step: Indices
-    share: Array
-
-    def joined(self, other: PathPoints) -> PathPoints:
-        """Both sets."""
-        return PathPoints(
-            np.concatenate([self.bound, other.bound]),
-            np.concatenate([self.step, other.step]),
-            np.concatenate([self.share, other.share]),
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,16 +113,6 @@ class Transcription:
         size, low, high = (np.array([getattr(b, name) for b in self.bounds])[number_of] for name in ("size", "low", "high"))
         return rows, low / size, high / size, number_of
 
-    def grid_points(self) -> PathPoints:
-        """Every limit on states and outputs at the start of every step, and at the end of those where the next one differs."""
-        steps = len(self.grid.kind)
-        switches = np.flatnonzero(np.diff([id(self.grid.steps[k].system) for k in self.grid.kind]))
-        ends = np.unique(np.concatenate([self.grid.jumps - 1, switches, [steps - 1]]))
-        step = np.concatenate([np.arange(steps), ends])
-        share = np.concatenate([np.zeros(steps), np.ones(len(ends))])
-        numbers = [k for k, bound in enumerate(self.bounds) if bound.kind == "path"]
-        return PathPoints(np.repeat(numbers, len(step)).astype(np.intp), np.tile(step, len(numbers)), np.tile(share, len(numbers)))
-
     def trajectory(self, z: Array) -> tuple[TwoSidedTrajectory, tuple[Array, Array]]:
         """The plan on all of time, and the v of its two tails."""
         n, p, grid = self.n, self.p, self.grid
@@ -163,71 +137,52 @@ class Transcription:
         """P and q of z'P z / 2 + q'z, in plain units."""
         m, n = len(self.unit), self.n
         own = [np.arange(n)[None] + k * n for k in range(2)]
-        entries = [_entries(2 * tail.cost, columns, columns) for tail, columns in zip(self.tails, own, strict=True)]
+        entries = [entries_of(2 * tail.cost, columns, columns) for tail, columns in zip(self.tails, own, strict=True)]
         q = np.zeros(m)
         for number, step in enumerate(self.grid.steps):
             chosen = np.flatnonzero(self.grid.kind == number)
             columns = self.step_columns(chosen)
-            entries.append(_entries(2 * step.cost, columns, columns))
+            entries.append(entries_of(2 * step.cost, columns, columns))
             w = self.grid.anchors[chosen, : step.drive.shape[1]]
             np.add.at(q, columns, 2 * w @ step.drive.T)
-        return _sparse(entries, (m, m)), q
+        return sparse_sum(entries, (m, m)), q
 
     def _equations(self) -> tuple[csr_array, Array]:
         """The plant's equations, and x and u continuous at the window's ends and, where the rate is limited, at jumps."""
         m, n, p, grid = len(self.unit), self.n, self.p, self.grid
         steps = len(grid.kind)
         rows = np.arange(steps * n).reshape(steps, n)
-        entries = [_entries(np.diag(1 / self.state_unit), rows, self.x_columns(np.arange(1, steps + 1)))]
+        entries = [entries_of(np.diag(1 / self.state_unit), rows, self.x_columns(np.arange(1, steps + 1)))]
         for number, step in enumerate(grid.steps):
             chosen = np.flatnonzero(grid.kind == number)
-            entries.append(_entries(-step.transition / self.state_unit[:, None], rows[chosen], self.step_columns(chosen)))
+            entries.append(entries_of(-step.transition / self.state_unit[:, None], rows[chosen], self.step_columns(chosen)))
         right = [np.zeros(steps * n)]
         outer = np.concatenate([self.state_unit, self.input_unit])
         for k, (tail, at, node) in enumerate(zip(self.tails, (0, steps), (0, grid.nodes - 1), strict=True)):
             edge = (steps * n + k * (n + p) + np.arange(n + p))[None]
             window = np.hstack([self.x_columns(np.array([at])), self.u_columns(np.array([node]))])
-            entries.append(_entries(np.diag(1 / outer), edge, window))
-            entries.append(_entries(-tail.X[: n + p] / outer[:, None], edge, np.arange(n)[None] + k * n))
+            entries.append(entries_of(np.diag(1 / outer), edge, window))
+            entries.append(entries_of(-tail.X[: n + p] / outer[:, None], edge, np.arange(n)[None] + k * n))
             right.append(tail.held[: n + p] / outer)
         limited = [int(np.argmax(bound.row)) - n for bound in self.bounds if bound.kind == "input rate"]
         count = len(limited) * len(grid.jumps)
         both = [self.u_columns(nodes)[:, limited] for nodes in (grid.first[grid.jumps], grid.last[grid.jumps - 1])]
         at_jumps = (steps * n + 2 * (n + p) + np.arange(count)).reshape(len(grid.jumps), len(limited))
         size = np.diag(1 / self.input_unit[limited]) if limited else np.zeros((0, 0))
-        entries += [_entries(size, at_jumps, both[0]), _entries(-size, at_jumps, both[1])]
+        entries += [entries_of(size, at_jumps, both[0]), entries_of(-size, at_jumps, both[1])]
         right.append(np.zeros(count))
         e = np.concatenate(right)
-        return _sparse(entries, (len(e), m)), e
+        return sparse_sum(entries, (len(e), m)), e
 
     def _rows(self, values: Array, columns: Indices) -> csr_array:
         row = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
-        return _sparse([(values.ravel(), row.ravel(), columns.ravel())], (len(columns), len(self.unit)))
+        return sparse_sum([(values.ravel(), row.ravel(), columns.ravel())], (len(columns), len(self.unit)))
 
     def _path_values(self, bound: Bound, step: Indices, share: Array) -> Array:
         """The bound's row in terms of [x; u_s; u_e] at these shares of these steps: (k, n + 2 p)."""
         keys, inverse = np.unique(np.column_stack([self.grid.kind[step], share]), axis=0, return_inverse=True)
         known = [self.grid.steps[int(kind)].values(bound.row, float(at)) for kind, at in keys]
         return np.array(known).reshape(-1, self.n + 2 * self.p)[inverse.ravel()]
-
-
-Entries = tuple[Array, Indices, Indices]
-
-
-def _entries(block: Array, rows: Indices, columns: Indices) -> Entries:
-    """The same block (r, c) at rows (k, r) and columns (k, c), k times."""
-    shape = (len(rows), *block.shape)
-    return (
-        np.broadcast_to(block, shape).ravel(),
-        np.broadcast_to(rows[:, :, None], shape).ravel(),
-        np.broadcast_to(columns[:, None, :], shape).ravel(),
-    )
-
-
-def _sparse(entries: Sequence[Entries], shape: tuple[int, int]) -> csr_array:
-    """The sum of all entries."""
-    data, rows, columns = (np.concatenate([entry[k] for entry in entries]) for k in range(3))
-    return scipy.sparse.csr_array(scipy.sparse.coo_array((data, (rows, columns)), shape=shape))
 
 
 def _ramp_generator(system: StateSpace) -> TwoSidedGenerator:

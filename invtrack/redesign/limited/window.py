@@ -8,32 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import RedesignError
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.redesign.limited.discretization import make_grid, step_counts
+from invtrack.redesign.limited.discretization import make_grid
+from invtrack.redesign.limited.first_window import SAMPLES, LimitedProblem, first_window, require_steps, window_edges
 from invtrack.redesign.limited.infeasibility import explain
-from invtrack.redesign.limited.limit_check import differentiated, tail_excess, values_between, worst_within_steps
+from invtrack.redesign.limited.limit_check import tail_excess, values_between, worst_within_steps
+from invtrack.redesign.limited.path_points import PathPoints, grid_points
 from invtrack.redesign.limited.quadratic_program import QuadraticProgram
-from invtrack.redesign.limited.tails import Tail
-from invtrack.redesign.limited.transcription import PathPoints, Transcription
+from invtrack.redesign.limited.transcription import Transcription
 from invtrack.redesign.limits import Bound
-from invtrack.redesign.weights import Weights
-from invtrack.signals.decay import decay_time
 from invtrack.signals.nominal import TwoSidedTrajectory
-from invtrack.signals.piecewise import PiecewiseSignal
 
 Array = NDArray[np.float64]
-
-TAIL_SHARE = 1e-2
-"""Share of the peak to which the optimum without limits has decayed where the first window ends."""
-
-INTERPOLATION_ERROR = 1e-5
-"""What linear interpolation of the input without limits may miss, as a share of its peak, if no step is stated."""
-
-FEWEST_STEPS, USUAL_MOST_STEPS, MOST_STEPS = 200, 4000, 40_000
-"""Steps of the first window if no step is stated; and of any window."""
-
-COARSER = 10.0
-"""By how much a step may be longer than the interpolation error asks for where the first window would have too many."""
 
 KEPT = 1e-9
 """A limit counts as kept where it is exceeded by no more than this share of its size."""
@@ -42,31 +27,16 @@ OVERSHOOT = 1e-6
 """The same for states and outputs, between the instants at which they are held to their limits."""
 
 SNAP = 1e-7
-"""An input or a rate this near to its limit, as a share of its size, is put onto it."""
+"""Within this share of its size of a limit counts as on it: inputs and rates are put there."""
+
+EDGE_SHARES = np.array([0.0, 0.5, 1.0])
+"""Shares of the window's first and last step at which no limit may act."""
 
 MOST_DOUBLINGS = 6
 """Of the time before and after the manoeuvre, until limits that cannot be kept are given up."""
 
 MOST_ROUNDS = 40
 """Windows and sets of instants that are tried."""
-
-SAMPLES = 4000
-
-
-@dataclass(frozen=True, eq=False)
-class LimitedProblem:
-    """What is to be planned: reference as deviation with breakpoints at all jumps, limits, and the optimum without them.
-
-    tails: before and after; v: what they are without limits.
-    """
-
-    plant: SwitchedSystem
-    reference: PiecewiseSignal
-    weights: Weights
-    bounds: tuple[Bound, ...]
-    free: TwoSidedTrajectory
-    tails: tuple[Tail, Tail]
-    v: tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +64,9 @@ def solve_limited(problem: LimitedProblem, step: float | None) -> LimitedSolutio
 
     Raises RedesignError where a window of as many steps as are tried is not enough, with the limits that conflict.
     """
-    units, margins, length = _first_window(problem, step)
+    units, margins, length = first_window(problem, step)
     task = _transcribe(problem, units, margins, length)
-    points = task.grid_points()
+    points = grid_points(task.grid, problem.bounds)
     for _ in range(MOST_ROUNDS):
         program, owner = task.program(points)
         z = program.solve()
@@ -104,11 +74,11 @@ def solve_limited(problem: LimitedProblem, step: float | None) -> LimitedSolutio
             wider = _feasible_margins(problem, units, margins, length)
         else:
             trajectory, v = task.trajectory(_exact(program, owner, problem.bounds, z))
-            wider = _widened(problem, margins, length, v)
+            wider = _widened(problem, margins, length, trajectory, v)
         if wider != margins:
             margins = wider
             task = _transcribe(problem, units, margins, length)
-            points = task.grid_points()
+            points = grid_points(task.grid, problem.bounds)
             continue
         excess, share = worst_within_steps(trajectory, problem.bounds)
         further = _exceeding(excess, share, problem.bounds)
@@ -121,58 +91,10 @@ def solve_limited(problem: LimitedProblem, step: float | None) -> LimitedSolutio
     )
 
 
-def _first_window(problem: LimitedProblem, step: float | None) -> tuple[tuple[Array, Array], tuple[float, float], float]:
-    """Units of states and inputs, time [s] before and after the manoeuvre, and the longest step [s]."""
-    n, p = problem.plant.systems[0].n_states, problem.plant.systems[0].n_channels
-    start, end = problem.reference.support
-    edges = problem.free.breakpoints
-    per_piece = max(33, SAMPLES // len(edges))
-    inner = np.append(np.linspace(edges[:-1], edges[1:], per_piece, endpoint=False, axis=1).ravel(), edges[-1])
-    piece = problem.free.locate(inner)
-    peak = np.max(np.abs(problem.free(inner, piece)), axis=0)
-    before, after = (decay_time(tail.departure(v), peak, TAIL_SHARE) for tail, v in zip(problem.tails, problem.v, strict=True))
-    times = np.concatenate([np.linspace(start - before, start, SAMPLES), inner, np.linspace(end, end + after, SAMPLES)])
-    piece = problem.free.locate(times)
-    first = differentiated(problem.free)
-    values, curvature = problem.free(times, piece), differentiated(first)(times, piece)[:, n : n + p]
-    peak = np.maximum(peak, np.max(np.abs(values), axis=0))
-    units = (_units(peak[:n]), _units(peak[n : n + p]))
-    if step is None:
-        bend = np.max(np.max(np.abs(curvature), axis=0) / units[1])
-        window = times[-1] - times[0]
-        smooth = np.sqrt(8 * INTERPOLATION_ERROR / max(bend, np.finfo(float).tiny))
-        step = float(min(max(smooth, window / USUAL_MOST_STEPS), COARSER * smooth, window / FEWEST_STEPS))
-    before, after = (step * max(10.0, float(np.ceil(margin / step))) for margin in (before, after))  # whole steps: all alike
-    margins = (before, after)
-    _require_steps(problem, margins, step)
-    return units, margins, step
-
-
-def _units(peak: Array) -> Array:
-    """Peaks; where one is but rounding of the others', or nothing moves, the largest."""
-    largest = float(np.max(peak))
-    return np.where(peak > 1e-9 * largest, peak, largest if largest > 0 else 1.0)
-
-
-def _require_steps(problem: LimitedProblem, margins: tuple[float, float], step: float) -> None:
-    edges = _edges(problem, margins)
-    steps = int(np.sum(step_counts(edges, step)))
-    if steps > MOST_STEPS:
-        raise RedesignError(
-            f"limits act from {edges[0]:.6g} to {edges[-1]:.6g} s, which takes {steps} steps of {step:.4g} s, more than "
-            f"{MOST_STEPS}; take a larger step, or loosen the limits"
-        )
-
-
-def _edges(problem: LimitedProblem, margins: tuple[float, float]) -> Array:
-    breaks = problem.reference.breakpoints
-    return np.concatenate([[breaks[0] - margins[0]], breaks, [breaks[-1] + margins[1]]])
-
-
 def _transcribe(
     problem: LimitedProblem, units: tuple[Array, Array], margins: tuple[float, float], step: float | Array
 ) -> Transcription:
-    grid = make_grid(problem.plant, problem.reference, problem.weights, _edges(problem, margins), step)
+    grid = make_grid(problem.plant, problem.reference, problem.weights, window_edges(problem, margins), step)
     return Transcription(grid, problem.tails, problem.bounds, *units)
 
 
@@ -188,9 +110,9 @@ def _feasible_margins(
         margins = (2 * margins[0], 2 * margins[1])
         steps[[0, -1]] *= 2
         task = _transcribe(problem, units, margins, steps)
-        program, owner = task.program(task.grid_points())
+        program, owner = task.program(grid_points(task.grid, problem.bounds))
         if program.solve() is not None:
-            _require_steps(problem, margins, step)
+            require_steps(problem, margins, step)
             return margins
     raise RedesignError(
         f"the limits cannot all be kept, even with {margins[0]:.4g} s before the manoeuvre and {margins[1]:.4g} s after it: "
@@ -198,12 +120,22 @@ def _feasible_margins(
     )
 
 
-def _widened(problem: LimitedProblem, margins: tuple[float, float], step: float, v: tuple[Array, Array]) -> tuple[float, float]:
-    """Twice the time on each side on which the tail exceeds a limit."""
-    outside = [float(np.max(tail_excess(tail, each, problem.bounds))) for tail, each in zip(problem.tails, v, strict=True)]
-    before, after = (margin * (2.0 if excess > KEPT else 1.0) for margin, excess in zip(margins, outside, strict=True))
-    _require_steps(problem, (before, after), step)
-    return before, after
+def _widened(
+    problem: LimitedProblem, margins: tuple[float, float], step: float, trajectory: TwoSidedTrajectory, v: tuple[Array, Array]
+) -> tuple[float, float]:
+    """Twice the time on each side on which a limit is exceeded in the tail, or acts in the window's step beside it.
+
+    There it would act on the tail's state through the window's end, and the tail would not be what is best beyond it.
+    """
+    inner = values_between(trajectory, problem.bounds, EDGE_SHARES)[:, [0, -1]]  # (bounds, 2, shares)
+    wider = []
+    for side, (margin, tail) in enumerate(zip(margins, problem.tails, strict=True)):
+        beyond = float(np.max(tail_excess(tail, v[side], problem.bounds)))
+        beside = max(float(np.max(bound.excess(value[side]))) for bound, value in zip(problem.bounds, inner, strict=True))
+        wider.append(2 * margin if beyond > KEPT or beside > -SNAP else margin)
+    if wider != list(margins):
+        require_steps(problem, (wider[0], wider[1]), step)
+    return wider[0], wider[1]
 
 
 def _exact(program: QuadraticProgram, owner: NDArray[np.intp], bounds: tuple[Bound, ...], z: Array) -> Array:

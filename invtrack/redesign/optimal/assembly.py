@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem
+from invtrack.redesign.holding import without_rounding
 from invtrack.redesign.optimal.boundary import join
 from invtrack.redesign.optimal.interval import Interval, make_interval, two_sided
 from invtrack.redesign.optimal.optimum import Optimum, optimum
@@ -37,14 +38,16 @@ class Redesign:
 
 def assemble(plant: SwitchedSystem, reference: PiecewiseSignal, weights: Weights) -> Redesign:
     """The optimum for a reference (as deviation) that has breakpoints at all switch times and holds still before and after."""
-    held = (reference(reference.breakpoints[0] - 1.0), reference(reference.breakpoints[-1] + 1.0))
+    edges, y_0 = reference.breakpoints, plant.systems[0].operating_point.y0
+    before, after = (without_rounding(reference(t), reference, y_0) for t in (edges[0] - 1.0, edges[-1] + 1.0))
+    held = (before, after)
     if not np.any(weights.Q_y):
         return _rest(plant, reference, held)
     columns = np.hstack([*(generator.R for generator in reference.generators), *(value[:, np.newaxis] for value in held)])
     known = {id(system): _measured(optimum(system, weights), columns) for system in plant.systems}
     optima = [known[id(system)] for system in plant.systems]
     driven = {key: [two_sided(best, generator) for generator in reference.generators] for key, best in known.items()}
-    edges, end_anchors = reference.breakpoints, reference.end_anchors()
+    end_anchors = reference.end_anchors()
     owner = plant.interval((edges[:-1] + edges[1:]) / 2)
     intervals = [
         make_interval(best, reference, end_anchors, np.flatnonzero(owner == k) + 1, driven[id(system)])

@@ -1,0 +1,75 @@
+"""What a user is told before a run starts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import invtrack
+from invtrack.errors import SimulationError
+
+# x'' = u, output x: exact inversion without preactuation.
+POINT_MASS = invtrack.StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]])
+# (1 - s) / (s + 2)^2: a zero at 1.
+NONMINIMUM = invtrack.StateSpace([[0.0, 1.0], [-4.0, -4.0]], [[0.0], [1.0]], [[1.0, -1.0]])
+SLEW = invtrack.rest_to_rest(0.0, 1.0, 1.0)
+
+
+def test_a_plan_is_no_controller() -> None:
+    plan = invtrack.invert(POINT_MASS, SLEW)
+    with pytest.raises(SimulationError, match=r"expected a controller, got NominalTrajectory.*TrackingController\(plan, gains\)"):
+        invtrack.simulate(invtrack.LinearPlant(POINT_MASS), plan)  # type: ignore[arg-type]
+
+
+def test_schedules_hold_changes() -> None:
+    controller = invtrack.TrackingController(invtrack.invert(POINT_MASS, SLEW))
+    with pytest.raises(SimulationError, match=r"expected changes such as invtrack.Change\(3.0, tip_mass=100.0\)"):
+        invtrack.simulate(invtrack.LinearPlant(POINT_MASS), controller, schedule=[(1.0, {"mass": 2.0})])  # type: ignore[list-item]
+
+
+def test_more_steps_than_can_be_recorded_are_refused() -> None:
+    controller = invtrack.TrackingController(invtrack.invert(POINT_MASS, SLEW))
+    with pytest.raises(SimulationError, match=r"takes 1.0e\+09 steps, more than the 5e\+07"):
+        invtrack.simulate(invtrack.LinearPlant(POINT_MASS), controller, timestep=1e-9)
+
+
+def test_a_reference_that_begins_elsewhere_is_pointed_out() -> None:
+    controller = invtrack.TrackingController(invtrack.invert(POINT_MASS, invtrack.rest_to_rest(2.0, 3.0, 1.0)))
+    plant = invtrack.LinearPlant(POINT_MASS)
+    with pytest.warns(RuntimeWarning, match=r"at 2 instead of 0. References are absolute"):
+        invtrack.simulate(plant, controller, timestep=0.01)
+    invtrack.simulate(plant, controller, timestep=0.01, initial_state=[2.0, 0.0])
+
+
+def test_preactuation_cut_short_is_pointed_out() -> None:
+    plan = invtrack.invert(NONMINIMUM, SLEW, max_preactuation=0.5)
+    with pytest.warns(RuntimeWarning, match="preactuation was cut short"):
+        invtrack.simulate(invtrack.LinearPlant(NONMINIMUM), invtrack.TrackingController(plan), timestep=0.01)
+
+
+def test_a_feedback_held_for_too_long_is_pointed_out() -> None:
+    """x'' = -w^2 x - 2 w x' sampled every h is unstable beyond some w h; the threshold is found by simulation."""
+    plan = invtrack.invert(POINT_MASS, SLEW)
+    stiff = invtrack.TrackingController(plan, [[100.0**2, 2 * 100.0]])
+    plant = invtrack.LinearPlant(POINT_MASS)
+    with pytest.warns(RuntimeWarning, match=r"unstable when its input is held for 0.02 s: errors grow"):
+        coarse = invtrack.simulate(plant, stiff, timestep=0.02, initial_state=[1e-6, 0.0])
+    fine = invtrack.simulate(plant, stiff, timestep=0.005, initial_state=[1e-6, 0.0])
+    assert coarse.status == "diverged" or invtrack.max_error(coarse) > 1e3 * invtrack.max_error(fine)
+
+
+def test_sensors_that_nobody_looks_at_are_pointed_out() -> None:
+    controller, plant = invtrack.TrackingController(invtrack.invert(POINT_MASS, SLEW)), invtrack.LinearPlant(POINT_MASS)
+    (name,) = plant.measurement_names
+    with pytest.warns(RuntimeWarning, match="TrackingController knows the state and looks at none"):
+        invtrack.simulate(plant, controller, timestep=0.01, sensors={name: invtrack.Sensor(noise=1e-3)})
+
+
+def test_representations_are_short() -> None:
+    plan = invtrack.invert(POINT_MASS, SLEW)
+    run = invtrack.simulate(invtrack.LinearPlant(POINT_MASS), invtrack.TrackingController(plan), timestep=0.01, name="slew")
+    assert len(repr(plan)) < 300
+    assert "stable inversion" in repr(plan)
+    assert len(repr(run)) < 300
+    assert "'slew'" in repr(run)
+    assert np.array_equal(run.time, run.thinned(1).time)
