@@ -109,6 +109,8 @@ def metrics(result: RunResult, *, periods: float = 5, duration: float | None = N
     `periods` and `duration` set the window of residual_vibration, which is None for a run that diverged. Raises as
     `residual_vibration` does for a run that was completed.
     """
+    if not isinstance(result, RunResult):
+        raise InvtrackError(f"expected the result of a run, as invtrack.simulate returns it, got {type(result).__name__}")
     completed = result.status == "completed"
     return {
         "max_error": max_error(result),

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from invtrack.errors import NonHyperbolicError
-from invtrack.inversion.bounded_solution.problem import require_channels
 from invtrack.inversion.bounded_solution.refusals import require_accurate, require_smooth
 from invtrack.inversion.bounded_solution.solution import asks_for_motion, bounded_solution, require_options
 from invtrack.inversion.modification.dynamics import has_equilibrium, undivided_dynamics
@@ -15,7 +14,7 @@ from invtrack.lti.switched import as_switched
 from invtrack.lti.zero_dynamics import InternalDynamics, format_zeros, on_axis
 from invtrack.signals.certificate import certify
 from invtrack.signals.decay import Departure, actuation_times
-from invtrack.signals.deviation import deviation_reference
+from invtrack.signals.deviation import deviation_reference, require_reference
 from invtrack.signals.nominal import NominalTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 
@@ -36,7 +35,7 @@ def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float =
     """
     require_options(tolerance, None)
     plant = as_switched(model)
-    require_channels(plant, reference)
+    require_reference(plant.systems[0], reference)
     deviation = deviation_reference(plant, reference)
     splits = undivided_dynamics(plant)
     for k, split in enumerate(splits):

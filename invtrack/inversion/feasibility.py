@@ -20,7 +20,6 @@ from invtrack.errors import (
 from invtrack.inversion.bounded_solution.assembly import Assembly, assemble
 from invtrack.inversion.bounded_solution.boundary_value import BoundaryValueSolution, solve
 from invtrack.inversion.bounded_solution.junctions import SAME_ROW_TOLERANCE
-from invtrack.inversion.bounded_solution.problem import require_channels
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
 from invtrack.inversion.stable import invert
 from invtrack.lti.balancing import balancing_scale
@@ -29,7 +28,7 @@ from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem, as_switched
 from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
 from invtrack.lti.zero_report import ZeroReport, zero_report
-from invtrack.signals.deviation import deviation_reference
+from invtrack.signals.deviation import deviation_reference, require_reference
 from invtrack.signals.piecewise import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -54,7 +53,7 @@ def feasibility(model: Any, reference: PiecewiseSignal) -> FeasibilityReport:
     what makes the problem unsolvable is reported. Source: Devasia, Paden, Rossi 1996, section 2.
     """
     plant = as_switched(model)
-    require_channels(plant, reference)
+    require_reference(plant.systems[0], reference)
     edges = [-np.inf, *plant.switch_times.tolist(), np.inf]
     ends = {id(plant.systems[0]), id(plant.systems[-1])}
     known = {id(system): _examine(system, endless=id(system) in ends) for system in plant.systems}

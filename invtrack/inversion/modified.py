@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import InversionError
-from invtrack.inversion.bounded_solution.problem import require_channels
 from invtrack.inversion.bounded_solution.refusals import require_accurate, require_smooth
 from invtrack.inversion.bounded_solution.solution import asks_for_motion, require_options
 from invtrack.inversion.modification.design import least_error_design, robust_design
@@ -23,7 +22,7 @@ from invtrack.lti.switched import SwitchedSystem, as_switched
 from invtrack.lti.zero_dynamics import InternalDynamics
 from invtrack.signals.certificate import certify
 from invtrack.signals.decay import actuation_times
-from invtrack.signals.deviation import deviation_reference
+from invtrack.signals.deviation import deviation_reference, require_reference
 from invtrack.signals.piecewise import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -71,7 +70,7 @@ def modified_inversion(
     if design not in get_args(Design):
         raise InversionError(f"design must be one of {list(get_args(Design))}, got {design!r}")
     plant = as_switched(model)
-    require_channels(plant, reference)
+    require_reference(plant.systems[0], reference)
     deviation = deviation_reference(plant, reference)
     wish = Wish(move, within, to)
     splits = undivided_dynamics(plant)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from invtrack.inversion.bounded_solution.problem import require_channels, split_each
+from invtrack.inversion.bounded_solution.problem import split_each
 from invtrack.inversion.bounded_solution.refusals import require_accurate, require_smooth
 from invtrack.inversion.bounded_solution.solution import asks_for_motion, bounded_solution, require_options
 from invtrack.lti.switched import as_switched
 from invtrack.signals.certificate import certify
 from invtrack.signals.decay import actuation_times
-from invtrack.signals.deviation import deviation_reference
+from invtrack.signals.deviation import deviation_reference, require_reference
 from invtrack.signals.nominal import NominalTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 
@@ -38,7 +38,7 @@ def invert(
     """
     require_options(tolerance, max_preactuation)
     plant = as_switched(model)
-    require_channels(plant, reference)
+    require_reference(plant.systems[0], reference)
     deviation = deviation_reference(plant, reference)
     splits = split_each(plant)
     require_smooth(plant, splits, reference)

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import InversionError
-from invtrack.inversion.bounded_solution.problem import require_channels
 from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import as_switched
 from invtrack.signals.certificate import certify
-from invtrack.signals.deviation import deviation_reference
+from invtrack.signals.deviation import deviation_reference, require_reference
 from invtrack.signals.nominal import NominalTrajectory, TwoSidedGenerator, TwoSidedTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 
@@ -31,7 +30,7 @@ def static_reference(model: Any, reference: PiecewiseSignal) -> NominalTrajector
     Raises InversionError where some output cannot be held (a zero at s = 0), TrajectoryError for a wrong number of channels.
     """
     plant = as_switched(model)
-    require_channels(plant, reference)
+    require_reference(plant.systems[0], reference)
     deviation = deviation_reference(plant, reference)
     edges = deviation.breakpoints
     owner = plant.interval(deviation.inner_times())

@@ -35,7 +35,10 @@ def save_recording(results: RunResult | Sequence[RunResult], path: str | Path) -
     Raises RecordingError where there is no case, two cases share a name, the arrays of a case or its model and positions do not fit
     together, the path does not end in .rrd, or the file cannot be written.
     """
-    runs = [results] if isinstance(results, RunResult) else list(results)
+    runs = list(results) if isinstance(results, Sequence) else [results]
+    strange = [type(run).__name__ for run in runs if not isinstance(run, RunResult)]
+    if strange:
+        raise RecordingError(f"expected results of runs, as invtrack.simulate returns them, got {', '.join(strange)}")
     _check(runs)
     target = Path(path)
     if target.suffix != ".rrd":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import RedesignError
 from invtrack.lti.state_space import StateSpace
+from invtrack.redesign.state_rows import StateRow, state_row
 
 Array = NDArray[np.float64]
 
@@ -22,12 +23,12 @@ Range = ArrayLike | tuple[ArrayLike, ArrayLike]
 class StateLimit:
     """low <= sum of row[name] x_name <= high for a combination of states, for instance the twist {"th1": 1.0, "th2": -1.0}.
 
-    row: weights by state names, of the states as deviations from the operating point. limit: a positive number for +-limit, or a
-    tuple (low, high), in the units of the combination. name: what messages call it.
+    row: weights by state names (or one per state), of the states as deviations from the operating point. limit: a positive number
+    for +-limit, or a tuple (low, high), in the units of the combination. name: what messages call it.
     """
 
     name: str
-    row: Mapping[str, float]
+    row: StateRow
     limit: float | tuple[float, float]
 
 
@@ -108,17 +109,7 @@ def bounds_of(limits: Limits, system: StateSpace) -> tuple[Bound, ...]:
 
 
 def _state_bound(limit: StateLimit, system: StateSpace) -> Bound:
-    unknown = [name for name in limit.row if name not in system.state_names]
-    if unknown or not limit.row:
-        raise RedesignError(
-            f"limit {limit.name!r}: expected weights of some of the states {list(system.state_names)}, got {dict(limit.row)}"
-            + (f", of which {unknown} are unknown" if unknown else "")
-        )
-    row = np.zeros(system.n_states + 2 * system.n_channels)
-    for name, weight in limit.row.items():
-        row[system.state_names.index(name)] = weight
-    if not np.all(np.isfinite(row)) or not np.any(row):
-        raise RedesignError(f"limit {limit.name!r}: expected finite weights that are not all zero, got {dict(limit.row)}")
+    row = np.append(state_row(limit.name, limit.row, system), np.zeros(2 * system.n_channels))
     low, high = _sides(limit.name, limit.limit, 1, "combination of states")
     return Bound(repr(limit.name), "path", row, float(low[0]), float(high[0]))
 

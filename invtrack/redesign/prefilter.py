@@ -17,6 +17,7 @@ from invtrack.redesign.frequency.refinement import refine
 from invtrack.redesign.frequency.response import FrequencyResponse, OptimalResponse, factoring_gain, time_scales
 from invtrack.redesign.frequency.weights import WeightLike, frequency_weight
 from invtrack.redesign.holding import FREE_HOLDING, without_rounding
+from invtrack.signals.deviation import require_reference
 from invtrack.signals.piecewise import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -122,11 +123,7 @@ class Prefilter:
         its first or last value costs something for ever, and where `tolerance` cannot be met.
         """
         model = self.response.model
-        if reference.n_channels != model.n_channels:
-            raise TrajectoryError(
-                f"the reference has {reference.n_channels} channels, the plant {model.n_channels} outputs "
-                f"{list(model.output_names)}"
-            )
+        require_reference(model, reference)
         y_0 = model.operating_point.y0
         held = without_rounding(np.array(held_values(reference)) - y_0, reference, y_0)
         self._require_free_holding(held)

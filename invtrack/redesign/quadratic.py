@@ -14,7 +14,7 @@ from invtrack.redesign.optimal.assembly import Redesign, assemble
 from invtrack.redesign.weights import Weights, as_weights
 from invtrack.signals.certificate import certify
 from invtrack.signals.decay import actuation_times
-from invtrack.signals.deviation import deviation_reference
+from invtrack.signals.deviation import deviation_reference, require_reference
 from invtrack.signals.nominal import Certificate, NominalTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 
@@ -57,9 +57,7 @@ def quadratic_redesign(
         )
     plant = as_switched(model)
     weights = as_weights(plant, R=R, Q_x=Q_x, Q_y=Q_y)
-    names = list(plant.systems[0].output_names)
-    if reference.n_channels != len(names):
-        raise TrajectoryError(f"the reference has {reference.n_channels} channels, the plant {len(names)} outputs {names}")
+    require_reference(plant.systems[0], reference)
     deviation = _deviation(plant, reference)
     plan = assemble(plant, deviation, weights)
     _require_free_holding(plant, plan, weights)

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 import scipy.integrate
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from invtrack.errors import ModelError, RedesignError
-from invtrack.lti.state_space import StateSpace
+from invtrack.errors import RedesignError
 from invtrack.lti.switched import as_switched
 from invtrack.redesign.cost import cost
 from invtrack.redesign.quadratic import quadratic_redesign
+from invtrack.redesign.state_rows import StateRow, state_row
 from invtrack.signals.nominal import NominalTrajectory
 from invtrack.signals.piecewise import PiecewiseSignal
 
@@ -103,7 +103,7 @@ def pareto_sweep(
     reference: PiecewiseSignal,
     *,
     weights: Sequence[Mapping[str, Any]],
-    quantities: Mapping[str, ArrayLike] | None = None,
+    quantities: Mapping[str, StateRow] | None = None,
     exact: NominalTrajectory | None = None,
     method: Callable[..., NominalTrajectory] = quadratic_redesign,
     **options: Any,
@@ -111,16 +111,17 @@ def pareto_sweep(
     """Redesign with each of the weights, and what each plan gives up and asks for.
 
     model, reference: as for `quadratic_redesign`. weights: one mapping {"R": ..., "Q_x": ..., "Q_y": ...} per point, Q_x zero
-    unless stated. quantities: internal quantities by name, each a row (n,) that the state is multiplied with. exact: the plan of
-    exact inversion for the same reference, to compare with. method: called as method(model, reference, **weights, **options).
+    unless stated. quantities: internal quantities by name, each a combination of states, {"th1": 1.0, "th2": -1.0}. exact: the
+    plan of exact inversion for the same reference, to compare with. method: called as method(model, reference, **weights,
+    **options).
 
-    Raises RedesignError for no or unknown weights, and as the method does; ModelError for rows that do not fit the state.
+    Raises RedesignError for no or unknown weights and for quantities that do not fit the states, and as the method does.
     """
     if not weights or any(not {"R", "Q_y"} <= set(point) <= WEIGHTS for point in weights):
         keys = [sorted(point) for point in weights]
         raise RedesignError(f"expected for each point a mapping with R, Q_y and, if wanted, Q_x; got {keys}")
     plant = as_switched(model)
-    rows = {name: _row(name, row, plant.systems[0]) for name, row in (quantities or {}).items()}
+    rows = {name: state_row(name, row, plant.systems[0]) for name, row in (quantities or {}).items()}
     plans = tuple(method(plant, reference, **point, **options) for point in weights)
     return TradeOff(
         weights=tuple(weights),
@@ -131,13 +132,13 @@ def pareto_sweep(
     )
 
 
-def outcome(plan: NominalTrajectory, quantities: Mapping[str, ArrayLike] | None = None) -> Outcome:
+def outcome(plan: NominalTrajectory, quantities: Mapping[str, StateRow] | None = None) -> Outcome:
     """What a plan of any method gives up and asks for; quantities as in `pareto_sweep`.
 
-    Raises ModelError for rows that do not fit the state.
+    Raises RedesignError for quantities that do not fit the states.
     """
     system = plan.model.systems[0]
-    rows = {name: _row(name, row, system) for name, row in (quantities or {}).items()}
+    rows = {name: state_row(name, row, system) for name, row in (quantities or {}).items()}
     times, inside = _dense_times(plan)
     at = plan(times.ravel(), inside=inside)
     u = at.u - system.operating_point.u0
@@ -163,13 +164,3 @@ def _dense_times(plan: NominalTrajectory) -> tuple[Array, Array]:
 
 def _peak(values: Array) -> float:
     return float(np.max(np.abs(values)))
-
-
-def _row(name: str, row: ArrayLike, system: StateSpace) -> Array:
-    values = np.asarray(row, dtype=float)
-    if values.shape != (system.n_states,) or not np.all(np.isfinite(values)):
-        raise ModelError(
-            f"quantity {name!r} must be a row of {system.n_states} finite numbers, one for each of the states "
-            f"{list(system.state_names)}, got shape {values.shape}"
-        )
-    return values

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.errors import TrajectoryError
+from invtrack.lti.state_space import StateSpace
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.signals.piecewise import PiecewiseSignal
 from invtrack.signals.profiles import constant
@@ -13,6 +15,20 @@ Array = NDArray[np.float64]
 
 LARGEST_DECAY = 3.0
 """Time constants that a mode of the reference may decay over within one piece: backward, its rounding errors grow by e^3."""
+
+
+def require_reference(system: StateSpace, reference: object) -> None:
+    """Raises TrajectoryError unless `reference` is a signal with one channel per output of `system`."""
+    if not isinstance(reference, PiecewiseSignal):
+        raise TrajectoryError(
+            "expected a reference such as invtrack.rest_to_rest(0.0, 1.0, duration=2.0) or invtrack.sampled_reference(times, "
+            f"values), got {type(reference).__name__}"
+        )
+    if reference.n_channels != system.n_channels:
+        raise TrajectoryError(
+            f"the reference has {reference.n_channels} channels, the plant {system.n_channels} outputs "
+            f"{list(system.output_names)}; stack one signal per output with invtrack.stack"
+        )
 
 
 def decay_stops(reference: PiecewiseSignal) -> Array:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from two_disc.experiment import DRAWN, RIGS, controller, drive
-from two_disc.rig import TOLERANCE, TWIST, peak, run, slew, twist
+from two_disc.rig import MARGIN, TOLERANCE, TWIST, clamped_steps, peak, run, slew, twist
 
 import invtrack
 from invtrack.figures.overlay import overlay_figure
@@ -26,7 +26,6 @@ from invtrack.runs.table import Column, print_table
 PROFILE, DURATION = "quintic", 10.0  # [s]
 WEIGHTS = {"R": 1.0, "Q_y": 10.0}  # the twist has no weight: it has a limit
 INPUT, RATE, TWIST_LIMIT = 0.045, 0.05, 0.02  # [1], [1/s], [rad]; exact inversion needs 0.076, 0.22 and 0.023
-MARGIN = 1e-4  # share of the limits that the plan leaves to feedback, which corrects what holding the input over a step costs
 WINDOW = (-10.0, 20.0)  # [s]
 COLUMNS = (
     Column("output change", "rad", "max_error"),
@@ -111,13 +110,13 @@ def _measured(result: invtrack.RunResult) -> dict[str, float | int | None]:
     """
     sampled = len(result.measured.names) > 0
     middle = (result.time[:-1] + result.time[1:]) / 2
-    applied, commanded = result.applied.values, result.commanded.values
+    applied = result.applied.values
     return {
         "max_error": invtrack.max_error(result),
         "peak_input": peak(applied),
         "peak_rate": None if sampled else peak(np.diff(applied, axis=0) / np.diff(middle)[:, None]),
         "peak_twist": peak(twist(result.state.values)),
-        "clamped": int(np.sum(np.any(applied != commanded, axis=1))),
+        "clamped": clamped_steps(result),
         "steps": len(applied),
         "plan_error": invtrack.max_error(result, wanted="planned_output"),
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,10 +18,12 @@ SHOWN = ("quintic", 30.0)  # where about 10 % of the slew is given up
 PUBLISHED = {"output_change": 0.10, "input_reduction": 0.60, "twist_reduction": 0.20}
 SHARES = tuple(PUBLISHED)
 AFTER = 30.0  # [s] simulated after the slew
+MARGIN = 1e-4  # share of hard limits that a plan leaves to feedback, which corrects what holding the input over a step costs
 TOLERANCE = 1e-6  # of the plans, which sets how early they start
 
 TWIST = np.array([1.0, -1.0, 0.0, 0.0])  # of the states th1, th2, th1 velocity, th2 velocity
 TWIST_WEIGHT = np.outer(TWIST, TWIST)
+WEIGHTS: dict[str, Any] = {"R": R, "Q_x": Q_TWIST * TWIST_WEIGHT, "Q_y": Q_Y}
 MEASUREMENTS = ("disc1_angle", "disc2_angle")  # the potentiometers
 
 
@@ -57,11 +59,14 @@ class Plans:
     def of(cls, model: invtrack.StateSpace, duration: float, profile: str, *, tolerance: float = TOLERANCE) -> Plans:
         """With the papers' weights."""
         reference = slew(duration, profile)
-        weights: dict[str, Any] = {"R": R, "Q_x": Q_TWIST * TWIST_WEIGHT, "Q_y": Q_Y}
         return cls(
             exact=invtrack.invert(model, reference, tolerance=tolerance),
-            redesigned=invtrack.quadratic_redesign(model, reference, **weights, tolerance=tolerance),
+            redesigned=invtrack.quadratic_redesign(model, reference, **WEIGHTS, tolerance=tolerance),
         )
+
+    def in_place_of_redesigned(self, plan: invtrack.NominalTrajectory) -> Plans:
+        """Exact inversion beside another redesign."""
+        return replace(self, redesigned=plan)
 
     def shares(self) -> dict[str, float]:
         """What the redesign changes, predicted from the plans alone, as shares of the slew and of the exact plan's peaks."""
@@ -93,6 +98,11 @@ def run(
 def twist(x: np.ndarray) -> np.ndarray:
     """th1 - th2 [rad] of states (m, 4)."""
     return np.asarray(x @ TWIST)
+
+
+def clamped_steps(result: invtrack.RunResult) -> int:
+    """Number of steps at which the actuator passed on something else than what was commanded."""
+    return int(np.sum(np.any(result.applied.values != result.commanded.values, axis=1)))
 
 
 def peak(values: np.ndarray) -> float:

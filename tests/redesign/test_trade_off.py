@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from invtrack.errors import ModelError, RedesignError
+from invtrack.errors import RedesignError
 from invtrack.inversion.stable import invert
 from invtrack.redesign.quadratic import quadratic_redesign
 from invtrack.redesign.trade_off import Outcome, TradeOff, outcome, pareto_sweep
@@ -112,7 +112,7 @@ def test_bad_requests_are_refused(sweep: TradeOff) -> None:
     for weights in ([], [{"R": 1.0}], [{**good, "q_x": 2.0}]):
         with pytest.raises(RedesignError, match="a mapping with R, Q_y and, if wanted, Q_x"):
             pareto_sweep(NONMINIMUM, there_and_back(), weights=weights)
-    with pytest.raises(ModelError, match=r"'tip' must be a row of 3 finite numbers, .* \['x1', 'x2', 'x3'\], got shape \(2,\)"):
+    with pytest.raises(RedesignError, match=r"'tip': expected 3 weights, .* \['x1', 'x2', 'x3'\], got shape \(2,\)"):
         pareto_sweep(NONMINIMUM, there_and_back(), weights=[good], quantities={"tip": [1.0, 0.0]})
     with pytest.raises(RedesignError, match="no figure named 'peak_tip'; there are: max_error, peak_input, rms_input, peak_twist"):
         sweep.values("peak_tip")
@@ -126,3 +126,11 @@ def test_an_outcome_of_exact_inversion_has_no_error() -> None:
     found = outcome(invert(NONMINIMUM, there_and_back()))
     assert found.max_error < 1e-12
     assert found.peaks == {}
+
+
+def test_quantities_by_state_names_are_the_same_as_by_number() -> None:
+    plan = quadratic_redesign(NONMINIMUM, there_and_back(), R=0.1, Q_y=1.0)
+    named, numbered = outcome(plan, {"q": {"x1": 2.0, "x3": -1.0}}), outcome(plan, {"q": [2.0, 0.0, -1.0]})
+    assert named.peaks == numbered.peaks
+    with pytest.raises(RedesignError, match=r"'q': expected weights of some of the states .* of which \['tip'\] are unknown"):
+        outcome(plan, {"q": {"tip": 1.0}})

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
+from invtrack.errors import TrajectoryError
 from invtrack.inversion.exosystem_map import exosystem_map
 from invtrack.inversion.stable import invert
 from invtrack.lti.state_space import OperatingPoint, StateSpace
 from invtrack.lti.switched import SwitchedSystem
+from invtrack.redesign.quadratic import quadratic_redesign
 from invtrack.signals.exosystem_families import sinusoidal_exosystem
 from invtrack.signals.nominal import NominalTrajectory, TwoSidedGenerator, TwoSidedTrajectory
+from invtrack.signals.piecewise import stack
 from invtrack.signals.profiles import constant, versine
 from tests.cited_plants import CANTILEVER_TIP_MASSES, cantilever_paper
 
@@ -78,3 +83,12 @@ def test_input_range_of_a_plan_without_beginning_or_end_is_its_value_there() -> 
     plan = exosystem_map(StateSpace([[-1.0]], [[1.0]], [[1.0]]), sinusoidal_exosystem([2.0])).nominal([0.0, 1.0, 0.0])
     lowest, highest = plan.input_range
     assert lowest == highest == plan.inputs(plan.start)[0]
+
+
+@pytest.mark.parametrize("method", [invert, lambda model, signal: quadratic_redesign(model, signal, R=1.0, Q_y=1.0)])
+def test_what_is_no_reference_is_refused(method: Callable[..., NominalTrajectory]) -> None:
+    plant = StateSpace([[-1.0]], [[1.0]], [[1.0]])
+    with pytest.raises(TrajectoryError, match=r"expected a reference such as .*, got function"):
+        method(plant, lambda t: t)
+    with pytest.raises(TrajectoryError, match=r"the reference has 2 channels, the plant 1 outputs \['y1'\]; stack"):
+        method(plant, stack([versine(), versine()]))

@@ -1,18 +1,9 @@
-"""What an inversion starts from: the internal dynamics of each interval, and the reference as deviation."""
+"""What an inversion starts from: the internal dynamics of each interval."""
 
 from __future__ import annotations
 
-from invtrack.errors import TrajectoryError
 from invtrack.lti.switched import SwitchedSystem
 from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
-from invtrack.signals.piecewise import PiecewiseSignal
-
-
-def require_channels(plant: SwitchedSystem, reference: PiecewiseSignal) -> None:
-    """Raises TrajectoryError unless the reference has one channel per output."""
-    names = list(plant.systems[0].output_names)
-    if reference.n_channels != len(names):
-        raise TrajectoryError(f"the reference has {reference.n_channels} channels, the plant {len(names)} outputs {names}")
 
 
 def split_each(plant: SwitchedSystem) -> list[SplitDynamics]:
