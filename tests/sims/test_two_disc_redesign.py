@@ -31,6 +31,10 @@ def test_measured_reductions_are_the_predicted_ones(summary: dict[str, Any]) -> 
     for row in summary["durations"]:
         for share, predicted in row["predicted"].items():
             assert row["measured"][share] == pytest.approx(predicted, abs=0.01)
+        limited = row["limited"]
+        assert limited["measured"] == pytest.approx(limited["predicted"], abs=0.01)
+        assert 0.999 * limited["input_limit"] < limited["peak_input"] <= limited["input_limit"]  # reached, and not passed
+        assert limited["clamped"] == 0
     for profile in ("quintic", "septic"):
         changes = [row["predicted"]["output_change"] for row in summary["durations"] if row["profile"] == profile]
         assert changes == sorted(changes, reverse=True)
