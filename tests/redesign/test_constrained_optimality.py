@@ -285,3 +285,16 @@ def test_the_tails_keep_within_the_limits_too() -> None:
     assert plan.breakpoints[0] < -60.0
     assert plan.certificate.continuity < 1e-10
     assert np.abs(plan([plan.start, plan.end]).y[:, 0] - [0.0, 1.0]) == pytest.approx(np.zeros(2), abs=1e-8)
+
+
+def test_limits_that_the_solver_cannot_resolve_in_short_steps_are_kept_in_longer_ones() -> None:
+    """Rate and twist far below what the slew would like: at the usual step the solver stalls."""
+    limits = Limits(input=0.045, input_rate=0.01, states=[StateLimit("twist", {"x1": 1.0, "x3": -1.0}, 0.003)])
+    slew, weights = rest_to_rest(0.0, 1.0, 5.0), {"R": 1.0, "Q_y": 10.0}
+    plan = constrained_redesign(TWO_DISC, slew, limits=limits, **weights)
+    coarse = constrained_redesign(TWO_DISC, slew, limits=limits, step=0.12, **weights)
+    at = plan(densely(plan))
+    assert np.max(np.abs(at.x @ [1.0, 0.0, -1.0, 0.0])) <= 0.003 * (1 + 2e-6)
+    assert np.max(np.abs(at.u)) <= 0.045
+    assert cost(plan, **weights) == pytest.approx(cost(coarse, **weights), rel=1e-6)
+    assert cost(plan, **weights) <= cost(coarse, **weights)

@@ -35,6 +35,10 @@ REGULARIZATION = 1e-12
 REFINEMENTS = 4
 
 
+class SolverGaveUpError(RedesignError):
+    """The solver found neither a solution nor a proof that there is none."""
+
+
 @dataclass(frozen=True, eq=False)
 class QuadraticProgram:
     """Minimise z'P z / 2 + q'z subject to E z = e and G z <= h.
@@ -52,7 +56,7 @@ class QuadraticProgram:
     def solve(self) -> Array | None:
         """The minimiser z (m,); None where no z meets all constraints.
 
-        Raises RedesignError where the solver reaches neither.
+        Raises SolverGaveUpError where the solver reaches neither.
         """
         answer = self._attempt()
         if answer.z is not None:
@@ -61,9 +65,9 @@ class QuadraticProgram:
         loosened = self._elastic(np.zeros(len(self.h), dtype=np.intp))._attempt()
         if loosened.infeasible or (answer.infeasible if loosened.z is None else loosened.z[-1] > CONFLICT):
             return None
-        raise RedesignError(
-            f"the solver gave up on the limited redesign: {answer.says}; take a larger step, or bring weights and limits closer to "
-            "each other"
+        raise SolverGaveUpError(
+            f"the solver gave up on the limited redesign: {answer.says}; this does not mean that the limits cannot be kept: take a "
+            "larger step, or bring weights and limits closer to each other"
         )
 
     def least_loosening(self, group: NDArray[np.intp]) -> Array | None:

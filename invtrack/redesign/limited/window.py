@@ -13,7 +13,7 @@ from invtrack.redesign.limited.first_window import SAMPLES, LimitedProblem, firs
 from invtrack.redesign.limited.infeasibility import explain
 from invtrack.redesign.limited.limit_check import tail_excess, values_between, worst_within_steps
 from invtrack.redesign.limited.path_points import PathPoints, grid_points
-from invtrack.redesign.limited.quadratic_program import QuadraticProgram
+from invtrack.redesign.limited.quadratic_program import QuadraticProgram, SolverGaveUpError
 from invtrack.redesign.limited.transcription import Transcription
 from invtrack.redesign.limits import Bound
 from invtrack.signals.nominal import TwoSidedTrajectory
@@ -34,6 +34,9 @@ EDGE_SHARES = np.array([0.0, 0.5, 1.0])
 
 MOST_DOUBLINGS = 6
 """Of the time before and after the manoeuvre, until limits that cannot be kept are given up."""
+
+MOST_COARSENINGS = 4
+"""Of the step, each to twice its length."""
 
 MOST_ROUNDS = 40
 """Windows and sets of instants that are tried."""
@@ -60,10 +63,25 @@ def free_excess(problem: LimitedProblem) -> float:
 
 
 def solve_limited(problem: LimitedProblem, step: float | None) -> LimitedSolution:
-    """The best plan within the limits: window, programme, and instants at which states are limited, until all are kept.
+    """The best plan within the limits; where no step is stated, with a longer one if the solver gives up at the usual one.
+
+    The longer the step, the better conditioned the equations; what it costs is of the order of the step squared.
 
     Raises RedesignError where a window of as many steps as are tried is not enough, with the limits that conflict.
     """
+    if step is not None:
+        return _solve_with(problem, step)
+    length = first_window(problem, None)[2]
+    for _ in range(MOST_COARSENINGS):
+        try:
+            return _solve_with(problem, length)
+        except SolverGaveUpError:
+            length *= 2
+    return _solve_with(problem, length)
+
+
+def _solve_with(problem: LimitedProblem, step: float) -> LimitedSolution:
+    """Window, programme, and instants at which states are limited, until all limits are kept."""
     units, margins, length = first_window(problem, step)
     task = _transcribe(problem, units, margins, length)
     points = grid_points(task.grid, problem.bounds)
