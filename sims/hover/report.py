@@ -44,8 +44,8 @@ def report_results(
     print(f"zeros: {format_zeros(inverse_poles(plans['exact']))}")
     print(f"poles of the modified inverse: {format_zeros(inverse_poles(plans['modified']))} [1/s]")
     tried = ", ".join(f"{entry.name} {entry.integral_square_error:.3g}" for entry in plans["modified"].candidates)
-    print(f"ways of using the freedom in the modified law, by the integral of their squared error: {tried};")
-    print(f"taken: {plans['modified'].design}\n")
+    print(f"ways of using the freedom in the modified law, by the integral of their squared error:\n  {tried};")
+    print(f"  taken: {plans['modified'].design}\n")
     print_table("A metre to the right and a metre down in 5 s, U, W, V [m/s] and R [rad/s]", columns=COLUMNS, rows=cases)
     print_table(
         "How alike the two plans are in the manoeuvre", columns=LIKENESS_COLUMNS, rows=alike, row_header="control, attitude"
