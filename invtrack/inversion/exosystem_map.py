@@ -12,7 +12,14 @@ from invtrack.errors import InversionError, TrajectoryError
 from invtrack.inversion.bounded_solution.boundary_value import BoundaryValueSolution
 from invtrack.inversion.bounded_solution.problem import split_each
 from invtrack.inversion.bounded_solution.refusals import ACCURACY
-from invtrack.inversion.maps.admissible import Jumps, admissible_states, inadmissible_states, largest_jump, map_jumps
+from invtrack.inversion.maps.admissible import (
+    Jumps,
+    admissible_states,
+    directions_left,
+    inadmissible_states,
+    largest_jump,
+    map_jumps,
+)
 from invtrack.inversion.maps.certificate import certify_map
 from invtrack.inversion.maps.equations import solve_map
 from invtrack.inversion.maps.pieces import MapPiece, internal_parts, map_breakpoints, map_pieces
@@ -85,6 +92,7 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
         weights=weights,
         admissible=unweighted(admissible, weights),
         inadmissible=inadmissible_states(plant, jumps, exosystem.names, admissible, weights),
+        directions_left=directions_left(jumps),
         certificate=certificate,
         remarks=remarks,
     )

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from invtrack.errors import InversionError
 from invtrack.inversion.exosystem_map import require_outputs
-from invtrack.inversion.maps.admissible import admissible_states, inadmissible_states, largest_jump, map_jumps
+from invtrack.inversion.maps.admissible import admissible_states, directions_left, inadmissible_states, largest_jump, map_jumps
 from invtrack.inversion.maps.certificate import certify_map
 from invtrack.inversion.maps.pieces import inner_times, map_breakpoints
 from invtrack.inversion.maps.scaling import unweighted, visibility
@@ -86,6 +86,7 @@ def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem
         weights=weights,
         admissible=unweighted(admissible, weights),
         inadmissible=inadmissible_states(plant, jumps, exosystem.names, admissible, weights),
+        directions_left=directions_left(jumps),
         certificate=certify_map(
             plant,
             exosystem,

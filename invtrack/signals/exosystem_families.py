@@ -20,8 +20,9 @@ def sinusoidal_exosystem(
 ) -> Exosystem:
     """y_d = b + sum_i x_i, x_i' = w_i x_i^+, x_i^+' = -w_i x_i: sinusoids of any amplitude and phase, and a constant if `bias`.
 
-    frequencies: w_i > 0 [rad/s]. States: "bias" first, then "sin w" (the part that shows) and "cos w" (a quarter period ahead) for
-    each frequency. start, end, outside: see `exosystem`. Raises TrajectoryError for frequencies that are not positive and distinct.
+    frequencies: w_i > 0 [rad/s]. States: "bias" first, then for each frequency x_i, "cos w", and x_i^+, "sin w": the signal that
+    each makes of 1 at t = 0. start, end, outside: see `exosystem`. Raises TrajectoryError for frequencies that are not positive and
+    distinct.
     """
     omegas = np.atleast_1d(real_numbers("frequencies", frequencies))
     if omegas.ndim != 1 or not np.all(np.isfinite(omegas) & (omegas > 0)) or len(np.unique(omegas)) != len(omegas):
@@ -30,7 +31,7 @@ def sinusoidal_exosystem(
     if not blocks:
         raise TrajectoryError("expected at least one frequency, or a bias")
     rows = [np.ones(1)] * bias + [np.array([1.0, 0.0])] * len(omegas)
-    names = ["bias"] * bias + [f"{kind} {omega:.12g}" for omega in omegas.tolist() for kind in ("sin", "cos")]
+    names = ["bias"] * bias + [f"{kind} {omega:.12g}" for omega in omegas.tolist() for kind in ("cos", "sin")]
     return exosystem(scipy.linalg.block_diag(*blocks), np.concatenate(rows), start=start, end=end, outside=outside, names=names)
 
 

@@ -52,7 +52,8 @@ class RegulationMap:
     exosystem is still) by more than `tolerance`, relative to the peak of each entry; infinite where they never come that close.
     weights (q,): how strongly each state of the exosystem shows in y_d, zero for one that never does: w x_e has no units of its
     own. admissible (q, d): basis of the states x_e(T_i) whose output can be followed by a continuous state of the plant, columns of
-    unit length, orthogonal as weighted states; inadmissible: which of the named states lie outside it, and why. remarks: what a
+    unit length, orthogonal as weighted states; inadmissible: which of the named states lie outside it, and why; directions_left:
+    (time [s], d) where the conditions so far leave only d directions of x_e. remarks: what a
     user should know.
     """
 
@@ -68,6 +69,7 @@ class RegulationMap:
     weights: Array
     admissible: Array
     inadmissible: tuple[InadmissibleState, ...]
+    directions_left: tuple[tuple[float, int], ...]
     certificate: RegulationCertificate
     remarks: tuple[str, ...] = ()
 
@@ -152,8 +154,12 @@ class RegulationMap:
         )
 
     def describe_inadmissible(self) -> str:
-        """The inadmissible named states and the reason of each, as one sentence."""
-        return "; ".join(str(state) for state in self.inadmissible) or "every state is admissible"
+        """The inadmissible named states and the reason of each, and where combinations of them are lost, as one sentence."""
+        if not self.inadmissible:
+            return "every state is admissible"
+        q = self.exosystem.n_states
+        lost = ", those ".join(f"at t = {time:.6g} s leave {d or 'none'}" for time, d in self.directions_left)
+        return f"{'; '.join(map(str, self.inadmissible))}; of {q} directions of the exosystem's state the conditions {lost}"
 
     @cached_property
     def _sizes(self) -> Array:

@@ -287,3 +287,15 @@ def test_a_state_given_at_another_time_leaves_no_breakpoint_that_the_plan_does_n
     times = np.array([2.0, 2.9, 3.0, 3.1])
     for inside in (None, 2.0, 4.0):
         assert plan(times, inside=inside).y_d[:, 0] == pytest.approx(np.cos(1.5 * (times - 3.0)), abs=1e-12)
+
+
+def test_where_the_last_direction_is_lost_is_said() -> None:
+    """1 - cos t is at rest after a whole period; 3 t of 2 s is no whole period, so nothing is at rest at its end."""
+    plant = StateSpace([[0.0, 1.0], [-4.0, -4.0]], [[0.0], [1.0]], [[1.0, -1.0]])
+    whole = exosystem_map(plant, sinusoidal_exosystem([1.0], start=0.0, end=2 * np.pi))
+    assert whole.directions_left == ((0.0, 2),)
+    part = exosystem_map(plant, sinusoidal_exosystem([3.0], start=0.0, end=2.0))
+    assert part.directions_left[-1] == (2.0, 1)
+    assert part.describe_inadmissible().endswith(
+        "of the exosystem's state the conditions at t = 0 s leave 2, those at t = 2 s leave 1"
+    )

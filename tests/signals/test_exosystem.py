@@ -55,7 +55,7 @@ def test_states_solve_the_switched_equation_whatever_the_time_at_which_they_are_
 def test_one_that_runs_for_ever_has_no_switch_times() -> None:
     endless = sinusoidal_exosystem([2.0], bias=True)
     assert len(endless) == 1
-    assert endless.names == ("bias", "sin 2", "cos 2")
+    assert endless.names == ("bias", "cos 2", "sin 2")
     t = np.linspace(-30, 30, 50)
     expected = 0.5 + 3.0 * np.cos(2 * (t - 1.0))
     assert endless.reference([0.5, 3.0, 0.0], at=1.0)(t)[:, 0] == pytest.approx(expected, abs=1e-12)

@@ -75,10 +75,13 @@ def entry_sizes(values: Array, ratios: Array) -> Array:
     return np.asarray(row * np.where(column > 0, column, 1.0))
 
 
-def admissible_states(jumps: Jumps) -> Array:
-    """Orthonormal basis (q, d) of the weighted states x_e(t_0) with [G(t_k+) - G(t_k-)] x_e(t_k) = 0 at every breakpoint."""
+def admissible_states(jumps: Jumps, until: float = np.inf) -> Array:
+    """Orthonormal basis (q, d) of the weighted states x_e(t_0) with [G(t_k+) - G(t_k-)] x_e(t_k) = 0 at every breakpoint.
+
+    Of the breakpoints up to `until` [s], that is.
+    """
     rows = []
-    for k in jumps.where:
+    for k in (k for k in jumps.where if jumps.times[k] <= until):
         row, size = jumps.jump[k] @ jumps.Phi[k], jumps.size[k] @ np.abs(jumps.Phi[k])
         unit = jumps.size[k].max(axis=1, keepdims=True)
         rows.append(np.where(np.abs(row) > JUMP_TOLERANCE * size, row, 0.0) / unit)
@@ -88,6 +91,18 @@ def admissible_states(jumps: Jumps) -> Array:
     norms = np.linalg.norm(conditions, axis=1, keepdims=True)
     basis: Array = scipy.linalg.null_space(conditions / np.where(norms > 0, norms, 1.0), rcond=JUMP_TOLERANCE)
     return basis
+
+
+def directions_left(jumps: Jumps) -> tuple[tuple[float, int], ...]:
+    """(time [s], d) of each breakpoint that leaves fewer directions of x_e admissible than those before it do: d of them."""
+    found: list[tuple[float, int]] = []
+    left = jumps.Phi.shape[1]
+    for time in jumps.times[jumps.where].tolist():
+        now = admissible_states(jumps, time).shape[1]
+        if now < left:
+            found.append((time, now))
+        left = now
+    return tuple(found)
 
 
 def largest_jump(jumps: Jumps, states: Array) -> float:
