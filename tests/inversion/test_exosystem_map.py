@@ -290,7 +290,7 @@ def test_a_state_given_at_another_time_leaves_no_breakpoint_that_the_plan_does_n
 
 
 def test_where_the_last_direction_is_lost_is_said() -> None:
-    """1 - cos t is at rest after a whole period; 3 t of 2 s is no whole period, so nothing is at rest at its end."""
+    """What is zero at the start is zero again after a whole period; 2 s are no period of sin 3 t, so the end asks for more."""
     plant = StateSpace([[0.0, 1.0], [-4.0, -4.0]], [[0.0], [1.0]], [[1.0, -1.0]])
     whole = exosystem_map(plant, sinusoidal_exosystem([1.0], start=0.0, end=2 * np.pi))
     assert whole.directions_left == ((0.0, 2),)
