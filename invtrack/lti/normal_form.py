@@ -17,6 +17,9 @@ Array = NDArray[np.float64]
 ROW_TOLERANCE = 1e-11
 """A row C_i A^k B counts as zero where it is below this share of |C_i| |A|^k |B|, the largest value its terms could add up to."""
 
+ROUNDING = 10.0
+"""Rounding that the matrices may have come with, in units of n eps times their norms in balanced units."""
+
 DECOUPLING_CONDITION_LIMIT = 1e10
 """Largest condition number of B_y, rows and columns scaled to unit size, with which it still counts as invertible."""
 
@@ -60,8 +63,9 @@ def normal_form(system: StateSpace) -> NormalForm:
     Raises RelativeDegreeError as `relative_degree` does.
     """
     degrees, star_rows, A_rows, B_rows = [], [], [], []
+    scale = _state_units(system)
     for i in range(system.n_channels):
-        rows, last, gain = _differentiate_output(system, i)
+        rows, last, gain = _differentiate_output(system, i, scale)
         degrees.append(len(rows))
         star_rows.extend(rows)
         A_rows.append(last)
@@ -73,9 +77,25 @@ def normal_form(system: StateSpace) -> NormalForm:
     return NormalForm(tuple(degrees), C_star, N, P, V, np.array(A_rows), B_y, condition)
 
 
-def _differentiate_output(system: StateSpace, i: int) -> tuple[list[Array], Array, Array]:
-    """Rows C_i, C_i A, ... below the relative degree; then the row C_i A^r and the gain of the inputs in y_i^(r)."""
+def _state_units(system: StateSpace) -> Array:
+    """Units (n,) of the states in which they, inputs and outputs act on each other with similar strength."""
+    n, p = system.B.shape
+    loop = np.block(
+        [[system.A, system.B, np.zeros((n, p))], [np.zeros((p, n + p)), np.ones((p, p))], [system.C, np.zeros((p, 2 * p))]]
+    )
+    return balancing_scale(loop)[:n]
+
+
+def _differentiate_output(system: StateSpace, i: int, scale: Array) -> tuple[list[Array], Array, Array]:
+    """Rows C_i, C_i A, ... below the relative degree; then the row C_i A^r and the gain of the inputs in y_i^(r).
+
+    Besides what rounding does here, there is what it did before: in turned coordinates B has entries that would be zero, and where
+    C_i picks just these, nothing is left to measure them against. C_i B is therefore also measured against norms, in the units
+    `scale` of the states. Not so C_i A^k B: a long chain passes on less than the rounding of the norms, and yet exactly.
+    """
     A, B = system.A, system.B
+    eps = ROUNDING * system.n_states * np.finfo(float).eps
+    rounding = eps * np.linalg.norm(system.C[i] * scale) * np.linalg.norm(B / scale[:, None], axis=0)
     errors = system.error_estimates
     A_error, B_error, C_error = (errors.get(name, 0.0) for name in "ABC")
     row, size = system.C[i], np.abs(system.C[i])
@@ -89,7 +109,8 @@ def _differentiate_output(system: StateSpace, i: int) -> tuple[list[Array], Arra
                 f"k < {system.n_states}); choose another output, or another actuator"
             )
         rows.append(row)
-        gain, gain_size, gain_error = row @ B, size @ np.abs(B), error @ np.abs(B) + np.abs(row).sum() * B_error
+        gain, gain_size = row @ B, size @ np.abs(B)
+        gain_error = error @ np.abs(B) + np.abs(row).sum() * B_error + (rounding if len(rows) == 1 else 0.0)
         row, size, error = row @ A, size @ np.abs(A), error @ np.abs(A) + np.abs(row).sum() * A_error
     # y_i^(r) = C_i A^r x + (C_i A^(r-1) B) u: `row` has just been advanced to C_i A^r. Inputs that only rounding lets in are left
     # out: scaled up to unit size, a column of rounding errors would pass for an independent input.

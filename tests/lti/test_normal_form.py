@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from invtrack.errors import RelativeDegreeError
 from invtrack.lti.normal_form import normal_form, relative_degree
 from invtrack.lti.state_space import StateSpace
-from tests.cited_plants import cantilever_paper
+from tests.cited_plants import TWO_DISC_A, TWO_DISC_B, TWO_DISC_C, cantilever_paper
 from tests.lti.random_plants import block, plant_with
 
 DEGREES = st.lists(st.integers(1, 3), min_size=1, max_size=3)
@@ -97,3 +97,24 @@ def test_a_gain_within_the_models_error_counts_as_zero() -> None:
     A, B, C = np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[1e-9], [1.0]]), np.array([[1.0, 0.0]])
     assert relative_degree(StateSpace(A, B, C)) == (1,)
     assert relative_degree(StateSpace(A, B, C, error_estimates={"B": 1e-8})) == (2,)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_coordinates_turned_until_the_output_is_one_of_them_leave_the_relative_degree(seed: int) -> None:
+    """Then B holds rounding where it would be zero, and C picks just that."""
+    rng = np.random.default_rng(seed)
+    turn = np.linalg.qr(rng.normal(size=(4, 4)))[0]
+    A, B, C = turn.T @ TWO_DISC_A @ turn, turn.T @ TWO_DISC_B, TWO_DISC_C @ turn
+    align = np.linalg.qr(np.column_stack([C[0], rng.normal(size=(4, 3))]))[0]
+    C = np.array([[C[0] @ align[:, 0], 0.0, 0.0, 0.0]])
+    assert relative_degree(StateSpace(align.T @ A @ align, align.T @ B, C)) == (2,)
+
+
+@pytest.mark.parametrize("masses", [3, 10, 15])
+def test_long_chains_pass_on_less_than_the_rounding_of_their_norms(masses: int) -> None:
+    """A force on the first mass reaches the last through the dampers, by 0.1 per mass, beside stiffnesses of 100."""
+    L = np.diag([1.0, *[2.0] * (masses - 2), 1.0]) - np.diag(np.ones(masses - 1), 1) - np.diag(np.ones(masses - 1), -1)
+    A = np.block([[np.zeros_like(L), np.eye(masses)], [-100.0 * L, -0.1 * L]])
+    B, C = np.zeros((2 * masses, 1)), np.zeros((1, 2 * masses))
+    B[masses], C[0, masses - 1] = 1.0, 1.0
+    assert relative_degree(StateSpace(A, B, C)) == (masses + 1,)
