@@ -174,7 +174,7 @@ def split_by(internal: InternalDynamics, stable: Callable[[complex], bool]) -> S
 
 
 REMEDIES = {
-    "transmission zero": "move these poles of the inverse off the axis, or track another output",
+    "transmission zero": "move these poles of the inverse off the axis (invtrack.modified_inversion), or track another output",
     "uncontrollable mode": "no input moves it: damp it, add an actuator that moves it, or leave it out of the model",
     "unobservable mode": "no output shows it: choose an output that does, damp it, or leave it out of the model",
     "uncontrollable and unobservable mode": "no input moves it and no output shows it: leave it out of the model",
