@@ -88,16 +88,12 @@ def simulate(
     for source in (controller.breakpoints, nominal.breakpoints, simulated.breakpoints, updates):
         breakpoints.extend(source.tolist())
     grid = make_grid(start, stop, breakpoints, timestep)
-    x_0 = np.zeros(len(simulated.state_names)) if initial_state is None else np.array(initial_state, dtype=float)
-    if x_0.shape != (len(simulated.state_names),):
-        expected = f"({len(simulated.state_names)},): {', '.join(simulated.state_names)}"
-        raise SimulationError(f"initial_state has shape {x_0.shape}, expected {expected}")
     initial, later = _parameters_on_grid(simulated, changes, grid)
     update = updates_of_steps(grid, updates)
     instants = stage_instants(grid) if hold == "continuous" else held_instants(grid, update)
     warn_of_unstable_holds(controller, instants)
     run = Run(
-        stepper=simulated.stepper(x_0, initial),
+        stepper=simulated.stepper(_state(simulated, initial_state), initial),
         law=controller.begin(instants),
         grid=grid,
         update=update,
@@ -109,6 +105,15 @@ def simulate(
     return make_result(
         name, simulated, controller, recorded, Circumstances(grid, initial, later, timestep, hold, vibration_period=period)
     )
+
+
+def _state(plant: SimulatedPlant, initial_state: ArrayLike | None) -> Array:
+    """The state (n,) to start in: at rest at the operating point unless given."""
+    n = len(plant.state_names)
+    x_0 = np.zeros(n) if initial_state is None else np.array(initial_state, dtype=float)
+    if x_0.shape != (n,):
+        raise SimulationError(f"initial_state has shape {x_0.shape}, expected ({n},): {', '.join(plant.state_names)}")
+    return x_0
 
 
 def _parameters_on_grid(

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 import invtrack
+from tests.sims.scripts import run_script
 
-SCRIPT = Path(__file__).parents[2] / "sims" / "cantilever_jumps.py"
 CASES = {
     "inversion",
     "inversion_continuous",
@@ -23,10 +22,6 @@ CASES = {
 }
 
 
-def run_script(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, str(SCRIPT), *words], cwd=folder, capture_output=True, text=True, check=False)
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("cantilever_jumps")
@@ -34,7 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def finished(folder: Path) -> subprocess.CompletedProcess[str]:
-    return run_script(folder, "--timestep", "0.02")
+    return run_script("cantilever_jumps", folder, "--timestep", "0.02")
 
 
 def test_it_ends_well_with_a_table(finished: subprocess.CompletedProcess[str]) -> None:
@@ -75,7 +70,7 @@ def test_recordings_and_figures_are_there(folder: Path, finished: subprocess.Com
 )
 def test_mistakes_end_in_one_message(tmp_path: Path, words: tuple[str, ...], status: int) -> None:
     (tmp_path / "file").write_text("in the way")
-    failed = run_script(tmp_path, *words)
+    failed = run_script("cantilever_jumps", tmp_path, *words)
     assert failed.returncode == status
     assert "Traceback" not in failed.stderr
     assert failed.stderr.strip()

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / "sims" / "cantilever_redesign.py"
+from tests.sims.scripts import summary_of
 
 
 def test_nothing_that_was_tried_costs_less_than_the_optimum_through_the_jumps(tmp_path: Path) -> None:
-    words = [sys.executable, str(SCRIPT), "--timestep", "0.01", "--no-figures", "--out", str(tmp_path)]
-    finished = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert finished.returncode == 0, finished.stderr
-    summary = json.loads((tmp_path / "summary.json").read_text())
+    summary = summary_of("cantilever_redesign", tmp_path, timestep=0.01, says="MuJoCo gives")
     costs = {name: numbers["cost"] for name, numbers in summary["cases"].items()}
     best = costs.pop("redesigned")
     assert best == pytest.approx(summary["predicted_cost"], rel=1e-4)

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / "sims" / "cantilever_sensors.py"
+from tests.sims.scripts import summary_of
 
 
 def test_prediction_and_physics_stand_side_by_side(tmp_path: Path) -> None:
-    words = [sys.executable, str(SCRIPT), "--timestep", "0.005", "--no-figures", "--out", str(tmp_path)]
-    finished = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert finished.returncode == 0, finished.stderr
-    assert "the actuator passes on -inf to inf" in finished.stdout
-    summary = json.loads((tmp_path / "summary.json").read_text())
+    summary = summary_of("cantilever_sensors", tmp_path, timestep=0.005, says="the actuator passes on -inf to inf")
     cases = summary["cases"]
     assert set(cases) == {"full_state", "kalman_ideal_sensors", "kalman_noise", "placed_noise", "kalman_coarse"}
     for name, numbers in cases.items():

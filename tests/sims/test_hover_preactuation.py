@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,23 +11,17 @@ import pytest
 import invtrack
 from tests.cited_plants import HE3_A, HE3_B, HE3_C
 from tests.lti.random_plants import assert_same_set, pencil_zeros
-
-SCRIPT = Path(__file__).parents[2] / "sims" / "hover_preactuation.py"
+from tests.sims.scripts import summary_of
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("hover")
-    words = [sys.executable, str(SCRIPT), "--timestep", "0.05", "--no-figures", "--out", str(folder)]
-    finished = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert finished.returncode == 0, finished.stderr
-    assert "HE3 of COMPleib" in finished.stdout
-    return folder
+    return tmp_path_factory.mktemp("hover_preactuation")
 
 
 @pytest.fixture(scope="module")
 def summary(folder: Path) -> dict[str, Any]:
-    return dict(json.loads((folder / "summary.json").read_text()))
+    return summary_of("hover_preactuation", folder, timestep=0.05, says="HE3 of COMPleib")
 
 
 def as_complex(pairs: list[list[float]]) -> np.ndarray:

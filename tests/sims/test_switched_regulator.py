@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +9,8 @@ import numpy as np
 import pytest
 
 import invtrack
+from tests.sims.scripts import summary_of
 
-SCRIPT = Path(__file__).parents[2] / "sims" / "switched_regulator.py"
 LAWS = ("exact_map", "switched_francis", "single_francis", "estimated_exosystem")
 CASES = {
     *LAWS,
@@ -32,12 +29,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def summary(folder: Path) -> dict[str, Any]:
-    words = [sys.executable, str(SCRIPT), "--timestep", "0.02", "--no-figures", "--record-every", "20", "--out", str(folder)]
-    finished = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert finished.returncode == 0, finished.stderr
-    assert "x_e1: at t = 6.28319 s derivative 0 of output 'tip_position' jumps by 6.28" in finished.stdout
-    result: dict[str, Any] = json.loads((folder / "summary.json").read_text())
-    return result
+    says = "x_e1: at t = 6.28319 s derivative 0 of output 'tip_position' jumps by 6.28"
+    return summary_of("switched_regulator", folder, "--record-every", "20", timestep=0.02, says=says)
 
 
 def test_the_exact_map_alone_keeps_its_output(summary: dict[str, Any]) -> None:

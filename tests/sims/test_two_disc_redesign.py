@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-SCRIPT = Path(__file__).parents[2] / "sims" / "two_disc_redesign.py"
+from tests.sims.scripts import summary_of
+
 EXPERIMENT = ("experiment_exact", "experiment_redesigned", "experiment_limited")
 
 
 @pytest.fixture(scope="module")
 def summary(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("run")
-    words = [sys.executable, str(SCRIPT), "--timestep", "0.05", "--no-figures", "--out", str(folder)]
-    finished = subprocess.run(words, capture_output=True, text=True, check=False, cwd=folder)
-    assert finished.returncode == 0, finished.stderr
-    assert "Warning" not in finished.stderr
-    result: dict[str, Any] = json.loads((folder / "summary.json").read_text())
+    result = summary_of("two_disc_redesign", folder, timestep=0.05, says="the papers report")
     assert {path.stem for path in folder.glob("*.rrd")} == set(result["cases"])
     return result
 
