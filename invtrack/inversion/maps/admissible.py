@@ -75,33 +75,35 @@ def entry_sizes(values: Array, ratios: Array) -> Array:
     return np.asarray(row * np.where(column > 0, column, 1.0))
 
 
-def admissible_states(jumps: Jumps, until: float = np.inf) -> Array:
-    """Orthonormal basis (q, d) of the weighted states x_e(t_0) with [G(t_k+) - G(t_k-)] x_e(t_k) = 0 at every breakpoint.
-
-    Of the breakpoints up to `until` [s], that is.
-    """
-    rows = []
-    for k in (k for k in jumps.where if jumps.times[k] <= until):
-        row, size = jumps.jump[k] @ jumps.Phi[k], jumps.size[k] @ np.abs(jumps.Phi[k])
-        unit = jumps.size[k].max(axis=1, keepdims=True)
-        rows.append(np.where(np.abs(row) > JUMP_TOLERANCE * size, row, 0.0) / unit)
-    if not rows:
+def admissible_states(jumps: Jumps) -> Array:
+    """Orthonormal basis (q, d) of the weighted states x_e(t_0) with [G(t_k+) - G(t_k-)] x_e(t_k) = 0 at every breakpoint."""
+    if not jumps.where:
         return np.eye(jumps.Phi.shape[1])
-    conditions = np.vstack(rows)
-    norms = np.linalg.norm(conditions, axis=1, keepdims=True)
-    basis: Array = scipy.linalg.null_space(conditions / np.where(norms > 0, norms, 1.0), rcond=JUMP_TOLERANCE)
+    conditions = np.vstack([_conditions(jumps, k) for k in jumps.where])
+    basis: Array = scipy.linalg.null_space(conditions, rcond=JUMP_TOLERANCE)
     return basis
+
+
+def _conditions(jumps: Jumps, k: int) -> Array:
+    """The conditions of breakpoint k on x_e(t_0), rows (., q) of unit length, or zero."""
+    row, size = jumps.jump[k] @ jumps.Phi[k], jumps.size[k] @ np.abs(jumps.Phi[k])
+    rows = np.where(np.abs(row) > JUMP_TOLERANCE * size, row, 0.0)
+    norms = np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.asarray(rows / np.where(norms > 0, norms, 1.0))
 
 
 def directions_left(jumps: Jumps) -> tuple[tuple[float, int], ...]:
     """(time [s], d) of each breakpoint that leaves fewer directions of x_e admissible than those before it do: d of them."""
     found: list[tuple[float, int]] = []
-    left = jumps.Phi.shape[1]
-    for time in jumps.times[jumps.where].tolist():
-        now = admissible_states(jumps, time).shape[1]
-        if now < left:
-            found.append((time, now))
-        left = now
+    basis = np.eye(jumps.Phi.shape[1])
+    for k in jumps.where:
+        if not basis.shape[1]:
+            break
+        _, sizes, rows = np.linalg.svd(_conditions(jumps, k) @ basis)
+        lost = int(np.sum(sizes > JUMP_TOLERANCE))
+        if lost:
+            basis = basis @ rows[lost:].T
+            found.append((float(jumps.times[k]), basis.shape[1]))
     return tuple(found)
 
 
