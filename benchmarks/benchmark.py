@@ -19,7 +19,7 @@ import scipy.signal
 import tyro
 
 import invtrack
-from invtrack.runs.table import Cell, Column, print_table
+from invtrack.studies.table import Cell, Column, print_table
 
 TWO_DISC = (
     [[0, 1, 0, 0], [-3.1555, -0.1640, 3.1555, 0.3845], [0, 0, 0, 1], [2.8956, -0.0899, -2.8956, -0.1124]],
@@ -75,15 +75,15 @@ def main(quick: bool = False, turns: int = 5) -> None:
 
 
 def closed_loop(folder: Path, steps: int, turns: int) -> None:
-    """Steps per second of the closed loop, state feedback on a plan, against a Python loop that only calls mj_step.
+    """Steps per second of the closed loop, state feedback on a make, against a Python loop that only calls mj_step.
 
     "closed loop" is the stepping itself: state read, law evaluated, step taken, everything recorded. "simulate" is the whole call,
-    with the plan looked up at every step before the loop and the result put together after it.
+    with the make looked up at every step before the loop and the result put together after it.
     """
     rows: dict[str, dict[str, Cell]] = {}
     for plant in (cantilever(), chain(folder, 21)):
         controller = tracking(plant)
-        start = controller.nominal.support[0] - 1.0
+        start = controller.plan.manoeuvre[0] - 1.0
         seconds: dict[str, list[float]] = {"bare": [], "loop": [], "simulate": []}
         for _ in range(turns + 1):
             model = plant.model_with()
@@ -100,7 +100,7 @@ def closed_loop(folder: Path, steps: int, turns: int) -> None:
                 controller,
                 timestep=1e-3,
                 start=start,
-                stop=start + 1e-3 * steps,
+                end=start + 1e-3 * steps,
                 progress=lambda share, marks=marks: marks.append((share, time.perf_counter())),  # type: ignore[misc]
             )
             seconds["simulate"].append((time.perf_counter() - begin) / steps)
@@ -126,10 +126,10 @@ def recording(folder: Path, steps: int, turns: int) -> None:
     """Time to write a recording with every sample, against the time of the run itself."""
     plant = cantilever()
     controller = tracking(plant)
-    start = controller.nominal.support[0] - 1.0
+    start = controller.plan.manoeuvre[0] - 1.0
 
     def run() -> invtrack.RunResult:
-        return invtrack.simulate(plant, controller, timestep=1e-3, start=start, stop=start + 1e-3 * steps)
+        return invtrack.simulate(plant, controller, timestep=1e-3, start=start, end=start + 1e-3 * steps)
 
     result = run()
     timing = in_turns(lambda: invtrack.save_recording(result, folder / "run.rrd"), run, turns)
@@ -146,9 +146,9 @@ def inversion_over_samples(sizes: Sequence[int], turns: int) -> None:
     reference = invtrack.rest_to_rest(0.0, 1.0, 10.0, smoothness=3)
     rows: dict[str, dict[str, Cell]] = {}
     for size in sizes:
-        nominal = invtrack.invert(model, reference)
-        times = np.linspace(nominal.start, nominal.end, size)
-        u = nominal(times).u[:, 0]
+        plan = invtrack.invert(model, reference)
+        times = np.linspace(plan.start, plan.end, size)
+        u = plan(times).u[:, 0]
 
         def inverse(times: np.ndarray = times) -> None:
             invtrack.invert(model, reference)(times)
@@ -172,17 +172,17 @@ def inversion_over_spline(share: float, turns: int) -> None:
     model = invtrack.StateSpace(*(np.array(matrix, dtype=float) for matrix in TWO_DISC))
     exact = invtrack.rest_to_rest(0.0, 1.0, 10.0, smoothness=3)
 
-    def plan(size: int) -> None:
+    def make(size: int) -> None:
         times = np.linspace(0.0, 10.0, size)
-        nominal = invtrack.invert(model, invtrack.sampled_reference(times, exact(times)))
-        nominal(np.linspace(nominal.start, nominal.end, size))
+        plan = invtrack.invert(model, invtrack.sampled_reference(times, exact(times)))
+        plan(np.linspace(plan.start, plan.end, size))
 
     rows: dict[str, dict[str, Cell]] = {}
     for size in (int(100_000 * share), int(1_000_000 * share)):
-        timing = in_turns(lambda size=size: plan(size), lambda size=size: plan(size // 10), min(turns, 3))  # type: ignore[misc]
+        timing = in_turns(lambda size=size: make(size), lambda size=size: make(size // 10), min(turns, 3))  # type: ignore[misc]
         rows[str(size)] = {"time": timing.first, "ratio": timing.ratio, "per_sample": 1e6 * timing.first / size}
     columns = [Column("time", "s"), Column("ratio to a tenth of the samples", key="ratio"), Column("per sample", "us")]
-    print_table("Spline through samples: build, plan, evaluate", columns=columns, rows=rows, row_header="samples")
+    print_table("Spline through samples: build, make, evaluate", columns=columns, rows=rows, row_header="samples")
 
 
 def methods_over_jumps(numbers: Sequence[int], turns: int) -> None:
@@ -190,12 +190,12 @@ def methods_over_jumps(numbers: Sequence[int], turns: int) -> None:
     plant = cantilever()
     models = [invtrack.linearize(plant, tip_mass=mass) for mass in (0.0, 100.0, 10.0)]
     duration = 2 * np.pi
-    reference = invtrack.versine()
+    reference = invtrack.raised_cosine(2.0)
     exosystem = invtrack.sinusoidal_exosystem([1.0], start=0.0, end=duration)
     methods: dict[str, Callable[[invtrack.SwitchedSystem], object]] = {
         "invert": lambda model: invtrack.invert(model, reference),
         "modified_inversion": lambda model: invtrack.modified_inversion(
-            model, reference, within=0.5, to=1.0, interval=0, chain_poles=[-1.0, -2.0], design="robust"
+            model, reference, axis_distance=0.5, real_part=1.0, interval=0, error_poles=[-1.0, -2.0], design="robust"
         ),
         "quadratic_redesign": lambda model: invtrack.quadratic_redesign(model, reference, R=1e-5, Q_y=1.0),
         "exosystem_map": lambda model: invtrack.exosystem_map(model, exosystem),
@@ -287,8 +287,8 @@ def chain(folder: Path, links: int) -> invtrack.Plant:
 def tracking(plant: invtrack.Plant) -> invtrack.TrackingController:
     """Feedforward and feedback for a slow motion of one unit."""
     model = invtrack.linearize(plant)
-    nominal = invtrack.invert(model, invtrack.rest_to_rest(0.0, 1.0, 5.0, smoothness=4), tolerance=1e-6)
-    return invtrack.TrackingController(nominal, invtrack.lqr(model, Q=1.0, R=1.0))
+    plan = invtrack.invert(model, invtrack.rest_to_rest(0.0, 1.0, 5.0, smoothness=4), tolerance=1e-6)
+    return invtrack.TrackingController(plan, invtrack.lqr(model, Q=1.0, R=1.0))
 
 
 if __name__ == "__main__":

@@ -53,5 +53,9 @@ class SimulationError(InvtrackError, ValueError):
     """A simulation was asked for something it cannot do."""
 
 
+class FileError(InvtrackError, ValueError):
+    """A file or folder cannot be read or written, or does not hold what it should."""
+
+
 class RecordingError(InvtrackError, ValueError):
-    """A recording or a run folder cannot be written or read as asked."""
+    """Runs cannot be recorded as asked, or a recording holds no runs."""

@@ -18,13 +18,13 @@ import numpy as np
 
 import invtrack
 from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.preactuation import preactuation_figure
+from invtrack.figures.preactuation_figure import preactuation_figure
 from invtrack.figures.style import save_figure
-from invtrack.figures.time_series import tracking_figure
-from invtrack.runs.folder import RunFolder
-from invtrack.runs.options import SimOptions, run_sim
-from invtrack.runs.progress import progress
-from invtrack.runs.table import Column, print_table
+from invtrack.figures.tracking import tracking_figure
+from invtrack.studies.folder import RunFolder
+from invtrack.studies.options import SimOptions, run_sim
+from invtrack.studies.progress import progress
+from invtrack.studies.table import Column, print_table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]
 JUMPS = (np.pi / 2, 3 * np.pi / 2)  # [s]
@@ -49,7 +49,7 @@ class Case:
     name: str
     controller: invtrack.TrackingController
     schedule: Sequence[invtrack.Change]
-    hold: Literal["midpoint", "continuous"] = "midpoint"
+    evaluate: Literal["held", "stages"] = "held"
 
 
 def main(options: SimOptions) -> None:
@@ -61,15 +61,15 @@ def main(options: SimOptions) -> None:
         parameters={"tip_mass": invtrack.BodyMass("tip", inertia="fixed")},
     )
     model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=mass) for mass in MASSES], JUMPS)
-    reference = invtrack.versine()
-    nominal = invtrack.invert(model, reference, tolerance=1e-11)
-    runs = [_run(plant, case, options.timestep) for case in _cases(model, reference, nominal)]
+    reference = invtrack.raised_cosine(2.0)
+    plan = invtrack.invert(model, reference, tolerance=1e-11)
+    runs = [_run(plant, case, options.timestep) for case in _cases(model, reference, plan)]
     slope_runs = [
-        _run(plant, _cases(model, reference, nominal)[0], factor * options.timestep, f"error slope, step x {factor}")
+        _run(plant, _cases(model, reference, plan)[0], factor * options.timestep, f"error slope, step x {factor}")
         for factor in (2, 4)
     ]
     cases = {run.name: _numbers(run) for run in runs}
-    _report(nominal, cases, [runs[0], *slope_runs])
+    _report(plan, cases, [runs[0], *slope_runs])
     for run in runs:
         invtrack.save_recording(run.thinned(options.record_every), folder.file(f"{run.name}.rrd"))
     if options.figures:
@@ -79,7 +79,7 @@ def main(options: SimOptions) -> None:
         model=plant.name,
         timestep=options.timestep,
         cases=cases,
-        plan=_plan_numbers(nominal),
+        plan=_plan_numbers(plan),
         error_slope=[{"timestep": run.timestep, "max_error": invtrack.max_error(run)} for run in (runs[0], *slope_runs)],
     )
     print(
@@ -87,16 +87,16 @@ def main(options: SimOptions) -> None:
     )
 
 
-def _cases(model: invtrack.SwitchedSystem, reference: invtrack.PiecewiseSignal, nominal: invtrack.NominalTrajectory) -> list[Case]:
+def _cases(model: invtrack.SwitchedSystem, reference: invtrack.PiecewiseSignal, plan: invtrack.Plan) -> list[Case]:
     gains = invtrack.lqr(model, Q=100.0, R=0.01)
-    exact = invtrack.TrackingController(nominal, gains)
-    frozen = invtrack.TrackingController(invtrack.invert(model.systems[0], reference, tolerance=nominal.tolerance), gains)
-    static = invtrack.TrackingController(invtrack.static_reference(model, reference), gains)
+    exact = invtrack.TrackingController(plan, gains)
+    frozen = invtrack.TrackingController(invtrack.invert(model.systems[0], reference, tolerance=plan.tolerance), gains)
+    static = invtrack.TrackingController(invtrack.steady_state_feedforward(model, reference), gains)
     as_planned = _schedule()
     return [
         Case("inversion", exact, as_planned),
-        Case("inversion_continuous", exact, as_planned, hold="continuous"),
-        Case("feedforward_only", invtrack.TrackingController(nominal), as_planned),
+        Case("inversion_continuous", exact, as_planned, evaluate="stages"),
+        Case("feedforward_only", invtrack.TrackingController(plan), as_planned),
         Case("feedback_only", static, as_planned),
         Case("frozen_inversion", frozen, as_planned),
         Case("payload_error", exact, _schedule(factor=1.05)),
@@ -115,7 +115,7 @@ def _run(plant: invtrack.Plant, case: Case, timestep: float, description: str | 
             case.controller,
             schedule=case.schedule,
             timestep=timestep,
-            hold=case.hold,
+            evaluate=case.evaluate,
             name=case.name,
             progress=report,
         )
@@ -130,28 +130,26 @@ def _numbers(run: invtrack.RunResult) -> dict[str, Any]:
     return numbers
 
 
-def _plan_numbers(nominal: invtrack.NominalTrajectory) -> dict[str, Any]:
-    certificate = nominal.certificate
+def _plan_numbers(plan: invtrack.Plan) -> dict[str, Any]:
+    certificate = plan.certificate
     return {
-        "zeros": [[zero.real, zero.imag] for zero in invtrack.zeros(nominal.model.systems[0])],
-        "preactuation": nominal.preactuation,
-        "postactuation": nominal.postactuation,
-        "tolerance": nominal.tolerance,
+        "zeros": [[zero.real, zero.imag] for zero in invtrack.zeros(plan.model.systems[0])],
+        "preactuation": plan.preactuation,
+        "postactuation": plan.postactuation,
+        "tolerance": plan.tolerance,
         "dynamics_residual": certificate.dynamics_residual,
         "output_error": certificate.output_error,
         "continuity": certificate.continuity,
         "rest_residual": certificate.rest_residual,
-        "state_at_start_of_manoeuvre": nominal(nominal.support[0]).x[0],
+        "state_at_start_of_manoeuvre": plan(plan.manoeuvre[0]).x[0],
     }
 
 
-def _report(
-    nominal: invtrack.NominalTrajectory, cases: dict[str, dict[str, Any]], slope_runs: Sequence[invtrack.RunResult]
-) -> None:
+def _report(plan: invtrack.Plan, cases: dict[str, dict[str, Any]], slope_runs: Sequence[invtrack.RunResult]) -> None:
     print_table("Cantilever with tip-mass jumps, tracking from rest in MuJoCo", columns=COLUMNS, rows=cases)
-    certificate = nominal.certificate
+    certificate = plan.certificate
     print(
-        f"start: the run begins at rest this long before the manoeuvre; the plan is then within {nominal.tolerance:.0e} of each\n"
+        f"start: the run begins at rest this long before the manoeuvre; the plan is then within {plan.tolerance:.0e} of each\n"
         "peak of rest. preactuation time: how long |u| stays above 1 % of its peak before the manoeuvre. Vibrations: peak to\n"
         "peak over 5 periods of the slowest flexible mode after the manoeuvre; deflection and rotation against their plan.\n"
         f"plan: dynamics residual {certificate.dynamics_residual:.1e}, output error {certificate.output_error:.1e} (relative)."

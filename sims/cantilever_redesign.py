@@ -18,15 +18,14 @@ from typing import Any
 import numpy as np
 
 import invtrack
-from invtrack.control.affine import AffineLaw
-from invtrack.control.protocol import Instants
+from invtrack.control.protocol import AffineLaw, Instants
 from invtrack.figures.comparison import comparison_figure
 from invtrack.figures.style import save_figure
-from invtrack.figures.time_series import tracking_figure
-from invtrack.runs.folder import RunFolder
-from invtrack.runs.options import SimOptions, run_sim
-from invtrack.runs.progress import progress
-from invtrack.runs.table import Column, print_table
+from invtrack.figures.tracking import tracking_figure
+from invtrack.studies.folder import RunFolder
+from invtrack.studies.options import SimOptions, run_sim
+from invtrack.studies.progress import progress
+from invtrack.studies.table import Column, print_table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]
 JUMPS = (np.pi / 2, 3 * np.pi / 2)  # [s]
@@ -60,7 +59,7 @@ class Rig:
 class IntervalwiseController(invtrack.TrackingController):
     """In each interval the plan, and the feedback, that would be optimal if that interval's plant were there for ever."""
 
-    def __init__(self, plans: Sequence[invtrack.NominalTrajectory], gains: invtrack.GainSchedule) -> None:
+    def __init__(self, plans: Sequence[invtrack.Plan], gains: invtrack.GainSchedule) -> None:
         super().__init__(plans[0], gains)
         self._laws = [invtrack.TrackingController(plan, gains) for plan in plans]
 
@@ -75,8 +74,8 @@ def main(options: SimOptions) -> None:
     folder = RunFolder(options.out)
     rig = _rig()
     controllers = _controllers(rig)
-    best = controllers["redesigned"].nominal
-    start = min(controller.nominal.start for controller in controllers.values())
+    best = controllers["redesigned"].plan
+    start = min(controller.plan.start for controller in controllers.values())
     runs = []
     for name, controller in controllers.items():
         with progress(name) as report:
@@ -127,13 +126,13 @@ def _rig() -> Rig:
     model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=mass) for mass in MASSES], JUMPS)
     # The feedback that is optimal for this very cost: no alternative is to lose by its gains.
     C = model.systems[0].C
-    return Rig(plant, model, invtrack.lqr(model, Q=Q_Y * C.T @ C, R=R), invtrack.versine())
+    return Rig(plant, model, invtrack.lqr(model, Q=Q_Y * C.T @ C, R=R), invtrack.raised_cosine(2.0))
 
 
 def _controllers(rig: Rig) -> dict[str, invtrack.TrackingController]:
     """The optimum first; then all the alternatives."""
 
-    def redesign(model: Any, wanted: invtrack.PiecewiseSignal, r: float = R, q_y: float = Q_Y) -> invtrack.NominalTrajectory:
+    def redesign(model: Any, wanted: invtrack.PiecewiseSignal, r: float = R, q_y: float = Q_Y) -> invtrack.Plan:
         return invtrack.quadratic_redesign(model, wanted, R=r, Q_y=q_y, tolerance=TOLERANCE)
 
     staying = redesign(rig.model, rig.wanted, q_y=0.0)
@@ -157,7 +156,7 @@ def _controllers(rig: Rig) -> dict[str, invtrack.TrackingController]:
     return {**controllers, "optimal_per_interval": IntervalwiseController(single, rig.gains)}
 
 
-def _best_share(exact: invtrack.NominalTrajectory, staying: invtrack.NominalTrajectory) -> float:
+def _best_share(exact: invtrack.Plan, staying: invtrack.Plan) -> float:
     """The share of the motion at which following it exactly costs least: share^2 effort + (1 - share)^2 price of not moving."""
     effort, price = (invtrack.cost(plan, R=R, Q_y=Q_Y) for plan in (exact, staying))
     return price / (price + effort)
@@ -167,7 +166,7 @@ def _disturbances() -> list[invtrack.PiecewiseSignal]:
     """Smooth bumps at random times during the manoeuvre: wanted motions whose plans are feasible, and not optimal for this one."""
     random = np.random.default_rng(SEED)
     return [
-        invtrack.versine(amplitude=DISTURBANCE / 2, period=random.uniform(1.0, 4.0), start_time=random.uniform(0.0, 5.0))
+        invtrack.raised_cosine(DISTURBANCE, period=random.uniform(1.0, 4.0), start_time=random.uniform(0.0, 5.0))
         for _ in range(DISTURBED)
     ]
 

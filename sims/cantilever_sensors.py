@@ -18,11 +18,11 @@ import invtrack
 from invtrack.control.protocol import Controller
 from invtrack.figures.comparison import comparison_figure
 from invtrack.figures.style import save_figure
-from invtrack.figures.time_series import tracking_figure
-from invtrack.runs.folder import RunFolder
-from invtrack.runs.options import SimOptions, run_sim
-from invtrack.runs.progress import progress
-from invtrack.runs.table import Column, print_table
+from invtrack.figures.tracking import tracking_figure
+from invtrack.studies.folder import RunFolder
+from invtrack.studies.options import SimOptions, run_sim
+from invtrack.studies.progress import progress
+from invtrack.studies.table import Column, print_table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]
 JUMPS = (np.pi / 2, 3 * np.pi / 2)  # [s]
@@ -62,18 +62,18 @@ def main(options: SimOptions) -> None:
         parameters={"tip_mass": invtrack.BodyMass("tip", inertia="fixed")},
     )
     model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=mass) for mass in MASSES], JUMPS)
-    nominal = invtrack.invert(model, invtrack.versine(), tolerance=1e-8)
-    lowest, highest = nominal.input_range
+    plan = invtrack.invert(model, invtrack.raised_cosine(2.0), tolerance=1e-8)
+    lowest, highest = plan.input_range
     limits = plant.input_limits[0]
     print(
         f"plan: {plant.input_names[0]} from {lowest[0]:.1f} to {highest[0]:.1f} {plant.input_units[0]}; the actuator passes on "
-        f"{limits[0]:g} to {limits[1]:g}; start {-nominal.start:.1f} s before the manoeuvre"
+        f"{limits[0]:g} to {limits[1]:g}; start {-plan.start:.1f} s before the manoeuvre"
     )
     schedule = [invtrack.Change(t, tip_mass=mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)]
     linear = invtrack.LinearPlant(model, like=plant)
     cases: dict[str, dict[str, Any]] = {}
     runs = []
-    for case in _cases(model, nominal):
+    for case in _cases(model, plan):
         measured = _run(plant, case, options.timestep, schedule)
         predicted = _run(linear, case, options.timestep, ())
         cases[case.name] = _numbers(measured, predicted)
@@ -104,7 +104,7 @@ def main(options: SimOptions) -> None:
     )
 
 
-def _cases(model: invtrack.SwitchedSystem, nominal: invtrack.NominalTrajectory) -> list[Case]:
+def _cases(model: invtrack.SwitchedSystem, plan: invtrack.Plan) -> list[Case]:
     gains = invtrack.lqr(model, Q=100.0, R=0.01)
     kalman = invtrack.KalmanFilter(input_noise=INPUT_NOISE, measurement_noise=NOISE)
     placed = invtrack.LuenbergerObserver(OBSERVER_POLES)
@@ -112,10 +112,10 @@ def _cases(model: invtrack.SwitchedSystem, nominal: invtrack.NominalTrajectory) 
     coarse = {name: invtrack.Sensor(noise=NOISE, quantization=NOISE, delay=DELAY) for name in MEASUREMENTS}
 
     def with_observer(observer: Any, **settings: float) -> invtrack.OutputFeedbackController:
-        return invtrack.OutputFeedbackController(nominal, gains, observer, period=PERIOD, **settings)
+        return invtrack.OutputFeedbackController(plan, gains, observer, period=PERIOD, **settings)
 
     return [
-        Case("full_state", invtrack.TrackingController(nominal, gains, period=PERIOD)),
+        Case("full_state", invtrack.TrackingController(plan, gains, period=PERIOD)),
         Case("kalman_ideal_sensors", with_observer(kalman)),
         Case("kalman_noise", with_observer(kalman), noisy),
         Case("placed_noise", with_observer(placed), noisy),

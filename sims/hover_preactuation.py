@@ -23,14 +23,14 @@ from hover.figures import papers_figures
 from hover.report import report_results
 
 import invtrack
-from invtrack.figures.preactuation import preactuation_figure
+from invtrack.figures.preactuation_figure import preactuation_figure
 from invtrack.figures.style import save_figure
-from invtrack.runs.folder import RunFolder
-from invtrack.runs.options import SimOptions, run_sim
-from invtrack.runs.progress import progress
+from invtrack.studies.folder import RunFolder
+from invtrack.studies.options import SimOptions, run_sim
+from invtrack.studies.progress import progress
 
 MOVED_TO = 2.0  # [1/s], the paper's
-CHAIN_POLES = (-1.0, -2.0, -3.0, -4.0)  # [1/s], the paper's, one for the error of each output
+ERROR_POLES = (-1.0, -2.0, -3.0, -4.0)  # [1/s], the paper's, one for the error of each output
 TOLERANCE = 1e-6  # of the plans: at rest to within this share of each peak when they start
 AFTER = 120.0  # [s] simulated after the manoeuvre, while the stable pair of zeros rings down
 
@@ -72,13 +72,13 @@ def _plans(model: invtrack.StateSpace) -> dict[str, Any]:
     exact = invtrack.invert(model, reference, tolerance=TOLERANCE)
     pair = decay_pair(exact)
     modified = invtrack.modified_inversion(
-        model, reference, move={pair: complex(MOVED_TO, pair.imag)}, chain_poles=CHAIN_POLES, tolerance=TOLERANCE
+        model, reference, move={pair: complex(MOVED_TO, pair.imag)}, error_poles=ERROR_POLES, tolerance=TOLERANCE
     )
     return {"exact": exact, "modified": modified}
 
 
 def _runs(
-    plant: invtrack.Plant, model: invtrack.StateSpace, plans: Mapping[str, invtrack.NominalTrajectory], timestep: float
+    plant: invtrack.Plant, model: invtrack.StateSpace, plans: Mapping[str, invtrack.Plan], timestep: float
 ) -> list[invtrack.RunResult]:
     """Every plan in MuJoCo and on the linear model, the input evaluated at the stages of RK4: what is left is physics."""
     gains = invtrack.lqr(model, Q=1.0, R=1.0)
@@ -91,8 +91,8 @@ def _runs(
                     mechanism,
                     controller,
                     timestep=timestep,
-                    stop=plan.support[1] + AFTER,
-                    hold="continuous",
+                    end=plan.manoeuvre[1] + AFTER,
+                    evaluate="stages",
                     name=name + suffix,
                     progress=report,
                 )
@@ -102,14 +102,14 @@ def _runs(
     return runs
 
 
-def _numbers(run: invtrack.RunResult, plan: invtrack.NominalTrajectory) -> dict[str, Any]:
+def _numbers(run: invtrack.RunResult, plan: invtrack.Plan) -> dict[str, Any]:
     """Metrics of one case, with what the plan predicts of it."""
     predicted = run.planned_output.values - run.reference.values
     numbers: dict[str, Any] = {
         **invtrack.metrics(run),
         "predicted_max_error": float(np.max(np.abs(predicted))),
         "difference_from_prediction": invtrack.max_error(run, wanted="planned_output"),
-        "first_above_1_percent": invtrack.preactuation_at(plan, 0.01),
+        "first_above_1_percent": invtrack.preactuation_time(plan, level=0.01),
         "alpha": decay_pair(plan).real,
         "fitted_decay_rate": fitted_decay_rate(run, decay_pair(plan)),
         "start": float(run.time[0]),
@@ -124,7 +124,7 @@ def _pairs(values: np.ndarray) -> list[list[float]]:
 
 
 def _draw(
-    plans: Mapping[str, invtrack.NominalTrajectory],
+    plans: Mapping[str, invtrack.Plan],
     runs: Sequence[invtrack.RunResult],
     cases: Mapping[str, Mapping[str, Any]],
     folder: RunFolder,

@@ -16,8 +16,8 @@ from regulator.figures import draw, draw_decay
 from regulator.rig import POLES, cantilever, rig
 
 import invtrack
-from invtrack.runs.folder import RunFolder
-from invtrack.runs.options import SimOptions, run_sim
+from invtrack.studies.folder import RunFolder
+from invtrack.studies.options import SimOptions, run_sim
 
 
 def main(options: SimOptions) -> None:
@@ -29,7 +29,7 @@ def main(options: SimOptions) -> None:
     runs, cases = manoeuvre.manoeuvre(paper, options.timestep)
     times, errors = manoeuvre.estimate_errors(paper, options.timestep)
     decay = manoeuvre.decay_rates(times, errors)
-    manoeuvre.report(cases, paper.nominal.start, decay)
+    manoeuvre.report(cases, paper.plan.start, decay)
     many = long_run.long_rig(plant)
     long_runs, long_cases = long_run.long_run(many, options.timestep)
     rate = long_run.rate_through_jumps(many)
@@ -47,7 +47,7 @@ def main(options: SimOptions) -> None:
         **G_0,
         estimate_decay=decay,
         closed_loop_poles=[[pole.real, pole.imag] for pole in POLES],
-        start=paper.nominal.start,
+        start=paper.plan.start,
         long_run={"cycles": long_run.CYCLES, "jumps": len(many.schedule), "rate_through_jumps": rate},
     )
     print(

@@ -32,13 +32,13 @@ import invtrack
 from invtrack.errors import NonHyperbolicError
 from invtrack.figures.comparison import comparison_figure
 from invtrack.figures.style import save_figure
-from invtrack.figures.time_series import tracking_figure
-from invtrack.lti.zero_dynamics import format_zeros
-from invtrack.redesign.trade_off import outcome
-from invtrack.runs.folder import RunFolder
-from invtrack.runs.options import SimOptions, run_sim
-from invtrack.runs.progress import progress
-from invtrack.runs.table import Column, print_table
+from invtrack.figures.tracking import tracking_figure
+from invtrack.linear.internal_dynamics import format_zeros
+from invtrack.redesign.pareto import outcome
+from invtrack.studies.folder import RunFolder
+from invtrack.studies.options import SimOptions, run_sim
+from invtrack.studies.progress import progress
+from invtrack.studies.table import Column, print_table
 
 DURATION = 5.0  # [s]
 AT_THE_END = 5.0  # [s] of the run in which what is left is looked at
@@ -88,7 +88,7 @@ def main(options: SimOptions) -> None:
 
 def _plans(
     models: Mapping[str, invtrack.StateSpace], reference: invtrack.PiecewiseSignal
-) -> tuple[dict[str, invtrack.NominalTrajectory], float]:
+) -> tuple[dict[str, invtrack.Plan], float]:
     """By case, and the q_y of the redesign that gives up as much as modified inversion does."""
     identified, passive = models["identified"], models["passive"]
     mild = modified(passive, reference, MOVED_TO)
@@ -125,21 +125,19 @@ def _refused(model: invtrack.StateSpace, reference: invtrack.PiecewiseSignal) ->
     )
 
 
-def _run(
-    plant: invtrack.Plant, model: invtrack.StateSpace, plan: invtrack.NominalTrajectory, name: str, timestep: float
-) -> invtrack.RunResult:
+def _run(plant: invtrack.Plant, model: invtrack.StateSpace, plan: invtrack.Plan, name: str, timestep: float) -> invtrack.RunResult:
     """In MuJoCo, the input evaluated at the stages of RK4."""
     controller = invtrack.TrackingController(plan, invtrack.lqr(model, Q=1.0, R=1.0))
     with progress(name) as report:
-        return run(plant, controller, name, timestep, hold="continuous", progress=report)
+        return run(plant, controller, name, timestep, evaluate="stages", progress=report)
 
 
-def _numbers(result: invtrack.RunResult, plan: invtrack.NominalTrajectory) -> dict[str, Any]:
+def _numbers(result: invtrack.RunResult, plan: invtrack.Plan) -> dict[str, Any]:
     """Metrics of one case, what its plan predicts, and what is left of error, input and twist at the end of the run."""
     late = result.time >= result.time[-1] - AT_THE_END
     return {
         **invtrack.metrics(result),
-        "first_above_1_percent": invtrack.preactuation_at(plan, LEVEL),
+        "first_above_1_percent": invtrack.preactuation_time(plan, level=LEVEL),
         "predicted_max_error": peak(result.planned_output.values - result.reference.values),
         "final_error": peak(result.error[late]),
         "input_left": peak(result.applied.values[late[:-1]]),

@@ -23,9 +23,9 @@ from two_disc.trade_off import draw_trade_off, report_trade_off, trade_off
 import invtrack
 from invtrack.figures.comparison import comparison_figure
 from invtrack.figures.style import save_figure
-from invtrack.figures.time_series import tracking_figure
-from invtrack.runs.folder import RunFolder
-from invtrack.runs.options import SimOptions, run_sim
+from invtrack.figures.tracking import tracking_figure
+from invtrack.studies.folder import RunFolder
+from invtrack.studies.options import SimOptions, run_sim
 
 
 def main(options: SimOptions) -> None:

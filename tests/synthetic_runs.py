@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.runs.result import Event, RunResult, Signal
+from invtrack.results.result import Event, RunResult, Signal
 
 Array = NDArray[np.float64]
 
@@ -86,7 +86,7 @@ def two_mode_run(
         parameters=Signal(mass, ("tip_mass",), ("kg",)),
         manoeuvre=MANOEUVRE,
         timestep=timestep,
-        hold="midpoint",
+        evaluate="held",
         integrator="RK4",
         vibration_period=VIBRATION_PERIOD,
         events=(Event(0.0, "manoeuvre", "start"), Event(JUMP, "parameter", "tip_mass = 100 kg"), Event(4.0, "manoeuvre", "end")),

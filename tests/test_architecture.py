@@ -18,19 +18,23 @@ CHECKOUT = Path(__file__).parents[1]
 THEORY = {"scipy"}
 ROOMS: dict[str, set[str]] = {
     "errors": set(),
-    "lti": {*THEORY},
-    "signals": {"lti", *THEORY},
-    "inversion": {"lti", "signals", *THEORY},
-    "redesign": {"lti", "signals", "clarabel", *THEORY},
-    "control": {"lti", "signals", *THEORY},
-    "runs": {"rich", "tyro"},
-    "physics": {"lti", "mujoco", *THEORY},
-    "simulation": {"lti", "signals", "control", "physics", "runs", "mujoco", *THEORY},
-    "evaluation": {"runs"},
-    "recording": {"runs", "mujoco", "rerun"},
-    "figures": {"runs", "signals", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
+    "files": set(),
+    "checks": set(),
+    "linear": {*THEORY},
+    "references": {"linear", *THEORY},
+    "plans": {"linear", "references", *THEORY},
+    "inversion": {"linear", "references", "plans", *THEORY},
+    "redesign": {"linear", "references", "plans", "clarabel", *THEORY},
+    "regulation": {"linear", "references", "plans", "inversion", *THEORY},
+    "control": {"linear", "references", "plans", "regulation", *THEORY},
+    "plant": {"linear", "mujoco", *THEORY},
+    "results": {"plans"},
+    "simulation": {"linear", "plans", "control", "plant", "results", "mujoco", *THEORY},
+    "recording": {"results", "mujoco", "rerun"},
+    "figures": {"results", "plans", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
+    "studies": {"results", "rich", "tyro"},
 }
-EVERYWHERE = {"errors", "numpy"}
+EVERYWHERE = {"errors", "files", "checks", "numpy"}
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}
 
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
@@ -41,14 +45,14 @@ def room_of(path: Path) -> str:
 
 
 def imported(source: str, package: str) -> Iterator[str]:
-    """Every room and outside library that a module of `package` ("invtrack.lti") imports, wherever in the file."""
+    """Every room and outside library that a module of `package` ("invtrack.linear") imports, wherever in the file."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             base = package.split(".")[: len(package.split(".")) + 1 - node.level] if node.level else []
             module = ".".join([*base, *([node.module] if node.module else [])])
-            # `from invtrack import lti` names the room in its second half.
+            # `from invtrack import linear` names the room in its second half.
             names = [f"{module}.{alias.name}" for alias in node.names] if module == "invtrack" else [module]
         else:
             continue
@@ -85,17 +89,17 @@ def test_the_order_has_no_way_back() -> None:
 @pytest.mark.parametrize(
     ("room", "source", "found"),
     [
-        ("lti", "import mujoco", {"mujoco"}),
-        ("lti", "from invtrack.signals.piecewise import Piecewise", {"signals"}),
-        ("lti", "from invtrack import signals, errors", {"signals"}),
-        ("lti", "from ..physics import plant", {"physics"}),
-        ("lti", "from . import state_space", set()),
-        ("lti", "import invtrack", {"invtrack itself"}),
-        ("lti", "def f():\n    import mujoco.rollout", {"mujoco"}),
-        ("physics", "import mujoco, json\nfrom invtrack.lti.state_space import StateSpace", set()),
-        ("physics", "from invtrack.inversion import stable", {"inversion"}),
+        ("linear", "import mujoco", {"mujoco"}),
+        ("linear", "from invtrack.references.signal import PiecewiseSignal", {"references"}),
+        ("linear", "from invtrack import references, errors", {"references"}),
+        ("linear", "from ..plant import plant", {"plant"}),
+        ("linear", "from . import state_space", set()),
+        ("linear", "import invtrack", {"invtrack itself"}),
+        ("linear", "def f():\n    import mujoco.rollout", {"mujoco"}),
+        ("plant", "import mujoco, json\nfrom invtrack.linear.state_space import StateSpace", set()),
+        ("plant", "from invtrack.inversion import exact", {"inversion"}),
         ("simulation", "import rerun as rr", {"rerun"}),
-        ("evaluation", "import matplotlib.pyplot as plt", {"matplotlib"}),
+        ("results", "import matplotlib.pyplot as plt", {"matplotlib"}),
     ],
 )
 def test_a_trespass_is_seen(room: str, source: str, found: set[str]) -> None:

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from invtrack.evaluation.metrics import max_error
+from invtrack.plans.plan import Plan
 from invtrack.recording.read import load_recording
-from invtrack.runs.result import RunResult
-from invtrack.signals.nominal import NominalTrajectory
+from invtrack.results.metrics import max_error
+from invtrack.results.result import RunResult
 
 CHECKOUT = Path(__file__).parents[1]
 
@@ -37,7 +37,7 @@ def test_blocks_under_one_heading_run_one_after_the_other(
     names: dict[str, Any] = {}
     for block in blocks:
         exec(compile(block, "document", "exec"), names)
-    plans = [value for value in names.values() if isinstance(value, NominalTrajectory)]
+    plans = [value for value in names.values() if isinstance(value, Plan)]
     runs = [value for value in names.values() if isinstance(value, RunResult)]
     assert all(plan.certificate.dynamics_residual < 1e-8 for plan in plans)
     assert all(run.status == "completed" for run in runs)

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from invtrack.control.observer import Observer
 from invtrack.control.protocol import Instants, Segments
 from invtrack.errors import ControlError
-from invtrack.lti.hidden_modes import hidden_modes
-from invtrack.lti.propagation import Propagator
-from invtrack.lti.state_space import Measurement, StateSpace
-from invtrack.signals.exosystem import Exosystem
+from invtrack.linear.hidden_modes import hidden_modes
+from invtrack.linear.propagation import Propagator
+from invtrack.linear.state_space import Measurement, StateSpace
+from invtrack.references.exosystem import Exosystem
 
 Array = NDArray[np.float64]
 

@@ -12,8 +12,8 @@ import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import ControlError
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.switched import SwitchedSystem, as_switched
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem, as_switched
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import ControlError
-from invtrack.lti.state_space import StateSpace
+from invtrack.linear.state_space import StateSpace
 
 Array = NDArray[np.float64]
 

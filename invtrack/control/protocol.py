@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, Protocol
@@ -10,7 +10,8 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.signals.nominal import NominalTrajectory
+from invtrack.control.gains import GainSchedule
+from invtrack.plans.plan import Plan
 
 Array = NDArray[np.float64]
 Segments = tuple[tuple[int, float], ...]  # intervals that a hold runs through, with the seconds spent in each
@@ -89,7 +90,7 @@ class Controller(Protocol):
     """A feedback law around a planned trajectory. The same controller can be used in any number of runs."""
 
     @property
-    def nominal(self) -> NominalTrajectory:
+    def plan(self) -> Plan:
         """The trajectory that it follows: it sets the span of the run and what errors are measured against."""
         ...
 
@@ -116,3 +117,39 @@ class Controller(Protocol):
     def begin(self, instants: Instants) -> Law:
         """The law for the instants of one run, everything that can be computed ahead done here."""
         ...
+
+
+class AffineLaw:
+    """u = offset_i - K_i x at instant i, everything that does not depend on the measurement worked out before the run.
+
+    offset (m, p). gains: the distinct K (p, n); which (m,): the gain of each instant. A loop that keeps its states in rows
+    [x, offset] gets u by one product with `row_gain`: each operation on a small array costs as much as the next, and this one is
+    taken in every physics step.
+    """
+
+    estimate = None
+
+    def __init__(self, offset: Array, gains: Sequence[Array], which: NDArray[np.intp]) -> None:
+        self.offset = offset
+        self._gains = gains
+        self._row_gains = [np.hstack([-gain, np.eye(len(gain))]) for gain in gains]
+        self._which = which
+
+    @classmethod
+    def around(cls, feedforward: Array, x_ref: Array, gains: GainSchedule, inside: Array) -> AffineLaw:
+        """u = feedforward_i - K_i (x - x_ref_i): feedforward (m, p), x_ref (m, n); inside (m,) [s] says which gain is in force."""
+        which = gains.interval(inside)
+        offset = feedforward.copy()
+        for k, gain in enumerate(gains.gains):
+            offset[which == k] += x_ref[which == k] @ gain.T
+        return cls(offset, gains.gains, which)
+
+    def row_gain(self, index: int) -> Array:
+        """[-K I] (p, n + p) of one instant."""
+        gain: Array = self._row_gains[int(self._which[index])]
+        return gain
+
+    def update(self, index: int, measurement: Array) -> Array:
+        """Input (p,) at instant number `index`."""
+        result: Array = self.offset[index] - self._gains[int(self._which[index])] @ measurement
+        return result

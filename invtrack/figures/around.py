@@ -12,7 +12,7 @@ from invtrack.errors import InvtrackError
 from invtrack.figures.comparison import same_plant
 from invtrack.figures.panels import draw_magnitudes, draw_steps, mark_intervals, shown_window, within
 from invtrack.figures.style import FAINT, join_units, label, line_looks, new_figure, shared_style
-from invtrack.runs.result import RunResult
+from invtrack.results.result import RunResult
 
 INCHES_PER_MOMENT = 2.3
 INCHES_PER_INPUT = 1.6

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from invtrack.errors import InvtrackError
 from invtrack.figures.style import FAINT, SHADES, write
-from invtrack.runs.result import RunResult
+from invtrack.results.result import RunResult
 
 Array = NDArray[np.float64]
 

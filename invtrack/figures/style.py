@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from itertools import product
@@ -14,7 +13,7 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from invtrack.runs.folder import write_atomically
+from invtrack.files import replaced_when_complete
 
 DPI = 150
 
@@ -92,10 +91,8 @@ def join_units(units: Sequence[str]) -> str:
 def save_figure(figure: Figure, path: str | Path) -> Path:
     """Write a figure as PNG in one piece, at 150 dots per inch, and return its path.
 
-    Raises RecordingError where the file cannot be written.
+    Raises FileError where the file cannot be written.
     """
-    buffer = io.BytesIO()
-    with shared_style():
-        figure.savefig(buffer, format="png", dpi=DPI)
-    write_atomically(path, buffer.getvalue())
+    with shared_style(), replaced_when_complete(path) as draft:
+        figure.savefig(draft, format="png", dpi=DPI)
     return Path(path)

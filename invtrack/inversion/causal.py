@@ -9,20 +9,20 @@ import numpy as np
 from invtrack.errors import NonHyperbolicError
 from invtrack.inversion.bounded_solution.refusals import require_accurate, require_smooth
 from invtrack.inversion.bounded_solution.solution import asks_for_motion, bounded_solution, require_options
-from invtrack.inversion.modification.dynamics import has_equilibrium, undivided_dynamics
-from invtrack.lti.switched import as_switched
-from invtrack.lti.zero_dynamics import InternalDynamics, format_zeros, on_axis
-from invtrack.signals.certificate import certify
-from invtrack.signals.decay import Departure, actuation_times
-from invtrack.signals.deviation import deviation_reference, require_reference
-from invtrack.signals.nominal import NominalTrajectory
-from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.inversion.modified.modified_dynamics import has_equilibrium, undivided_dynamics
+from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros, on_axis
+from invtrack.linear.switched import as_switched
+from invtrack.plans.certificate import certify
+from invtrack.plans.ends import Departure, actuation_times
+from invtrack.plans.plan import Plan
+from invtrack.plans.problem import deviation_reference, require_reference
+from invtrack.references.signal import PiecewiseSignal
 
 REPEATED_TOLERANCE = 1e-6
 """Zeros on the axis that are closer than this share of the largest zero are one repeated zero."""
 
 
-def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float = 1e-10) -> NominalTrajectory:
+def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float = 1e-10) -> Plan:
     """The input with which the output of `model` follows `reference` exactly from rest, without acting before the manoeuvre.
 
     The internal dynamics eta' = A_eta eta + A_zeta zeta_d + B_r y_d^(r) run forward from their equilibrium. That stays bounded for
@@ -50,16 +50,16 @@ def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float =
     if np.any(rings):
         listed = format_zeros(last.zeros[rings], float(np.max(np.abs(last.zeros))))
         remarks += (f"the zeros at {listed} lie on the imaginary axis: what is left in them after the manoeuvre rings on for ever",)
-    support = solution.support
-    certificate = certify(plant, solution.trajectory, deviation, (support[0], support[1] + postactuation))
+    manoeuvre = solution.manoeuvre
+    certificate = certify(plant, solution.trajectory, deviation, (manoeuvre[0], manoeuvre[1] + postactuation))
     if asks_for_motion(deviation, reference):
         require_accurate(certificate, solution.boundary)
-    return NominalTrajectory(
+    return Plan(
         method="causal inverse",
         model=plant,
         reference=reference,
         trajectory=solution.trajectory,
-        support=support,
+        manoeuvre=manoeuvre,
         preactuation=0.0,
         postactuation=postactuation,
         tolerance=tolerance,

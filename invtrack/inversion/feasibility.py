@@ -18,18 +18,18 @@ from invtrack.errors import (
     TrajectoryError,
 )
 from invtrack.inversion.bounded_solution.assembly import Assembly, assemble
-from invtrack.inversion.bounded_solution.boundary_value import BoundaryValueSolution, solve
 from invtrack.inversion.bounded_solution.junctions import SAME_ROW_TOLERANCE
+from invtrack.inversion.exact import invert
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
-from invtrack.inversion.stable import invert
-from invtrack.lti.balancing import balancing_scale
-from invtrack.lti.normal_form import NormalForm, couplings
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.switched import SwitchedSystem, as_switched
-from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
-from invtrack.lti.zero_report import ZeroReport, zero_report
-from invtrack.signals.deviation import deviation_reference, require_reference
-from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
+from invtrack.linear.normal_form import NormalForm, couplings
+from invtrack.linear.scaling import balancing_scale
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem, as_switched
+from invtrack.linear.zeros import ZeroReport, zero_report
+from invtrack.plans.boundary_value import BoundaryValueSolution, solve
+from invtrack.plans.problem import deviation_reference, require_reference
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
 

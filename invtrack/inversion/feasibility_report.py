@@ -6,13 +6,17 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from invtrack.lti.zero_report import ZeroReport
+from invtrack.linear.zeros import ZeroReport
 
 SAME_SUBSPACE = 1e-7
 """Largest principal angle [rad], in balanced states, between subspaces that count as the same."""
 
 SHOWN = 20
 """How many intervals, and how many jumps, the text lists; the data has them all."""
+
+INTERVAL_COLUMNS = ("from [s]", "to [s]", "rel. degree", "cond B_y", "stable", "antistable", "on axis", "hidden")
+
+JUMP_COLUMNS = ("jump at [s]", "C* same", "compat. rows", "fixed miss", "miss", "ker C* [rad]", "stable [rad]", "antist. [rad]")
 
 
 @dataclass(frozen=True)
@@ -163,10 +167,6 @@ class FeasibilityReport:
         if self.jumps and self.invariant:
             lines.append("the stable and antistable subspaces are the same throughout: one inverse for every such reference")
         return lines
-
-
-INTERVAL_COLUMNS = ("from [s]", "to [s]", "rel. degree", "cond B_y", "stable", "antistable", "on axis", "hidden")
-JUMP_COLUMNS = ("jump at [s]", "C* same", "compat. rows", "fixed miss", "miss", "ker C* [rad]", "stable [rad]", "antist. [rad]")
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]], total: int) -> list[str]:

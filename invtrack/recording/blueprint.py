@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from invtrack.recording.layout import TIME, channels_by_unit, entity_path, unit_path
 from invtrack.recording.scene import Scene
 from invtrack.recording.shapes import visible_geoms
-from invtrack.runs.result import Array, RunResult, Signal
+from invtrack.results.result import Array, RunResult, Signal
 
 NOTICEABLE = 0.01
 """Share of the peak input from which on the plots show preactuation and postactuation at first."""

@@ -17,7 +17,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from invtrack.runs.result import Array, RunResult, Signal
+from invtrack.results.result import Array, RunResult, Signal
 
 FORMAT = 1
 """Number of this layout, written into every recording; a reader refuses numbers that it does not know."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from invtrack.errors import RecordingError
 from invtrack.recording.layout import entity_path, time_columns
 from invtrack.recording.shapes import body_name, geom_rgba, geom_shape, visible_geoms
-from invtrack.runs.result import Array, RunResult
+from invtrack.results.result import Array, RunResult
 
 SMALLEST = 0.3
 """Size at mass zero relative to the size at the run's largest mass: still to be seen."""

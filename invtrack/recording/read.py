@@ -15,7 +15,7 @@ from rerun.error_utils import RerunWarning
 
 from invtrack.errors import RecordingError
 from invtrack.recording.layout import ARCHETYPE, FORMAT, HELD, SAMPLED, STEP, channels_by_unit, entity_path, unit_path
-from invtrack.runs.result import Array, Event, RunResult, Signal
+from invtrack.results.result import Array, Event, RunResult, Signal
 
 METADATA, MJB, QPOS, SCALARS = f"{ARCHETYPE}:metadata", f"{ARCHETYPE}:mjb", f"{ARCHETYPE}:qpos", "Scalars:scalars"
 
@@ -77,7 +77,7 @@ def _run(header: dict[str, Any], chunks: dict[str, list[Chunk]], source: str | P
         **{name: signal(name) for name in SAMPLED + HELD},
         manoeuvre=(header["manoeuvre"][0], header["manoeuvre"][1]),
         timestep=header["timestep"],
-        hold=header["hold"],
+        evaluate=header["evaluate"],
         integrator=header["integrator"],
         vibration_period=header["vibration_period"],
         events=tuple(Event(time, kind, text) for time, kind, text in header["events"]),

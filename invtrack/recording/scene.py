@@ -22,7 +22,7 @@ from invtrack.recording.shapes import (
     to_bytes,
     visible_geoms,
 )
-from invtrack.runs.result import Array, RunResult
+from invtrack.results.result import Array, RunResult
 
 FRAME_RATE = 60.0
 """Frames per second of simulated time."""

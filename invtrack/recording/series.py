@@ -8,7 +8,7 @@ import numpy as np
 import rerun as rr
 
 from invtrack.recording.layout import HELD, SAMPLED, channels_by_unit, entity_path, send_rows, step_at, time_columns, unit_path
-from invtrack.runs.result import Array, RunResult, Signal
+from invtrack.results.result import Array, RunResult, Signal
 
 Color = tuple[int, int, int]
 
@@ -47,7 +47,7 @@ def send_series(recording: rr.RecordingStream, result: RunResult, *, number: int
     middle = result.time[:-1] + np.diff(result.time) / 2
     for name in HELD:
         signal = getattr(result, name)
-        at_middle = result.hold == "continuous" and name != "parameters"  # then the sample is the value at mid-step
+        at_middle = result.evaluate == "stages" and name != "parameters"  # then the sample is the value at mid-step
         _send_signal(recording, result, name, signal, middle if at_middle else result.time[:-1], number, prefix)
     _send_error(recording, result, number, prefix)
     send_events(recording, result, prefix=prefix)
@@ -60,7 +60,7 @@ def _send_signal(
     if rows == 0:
         return
     indexes = time_columns(np.arange(rows), times[:rows])
-    holds = name in HELD and (result.hold != "continuous" or name == "parameters")
+    holds = name in HELD and (result.evaluate != "stages" or name == "parameters")
     for unit, channels in channels_by_unit(signal).items():
         path = unit_path(result.name, name, unit)
         send_rows(recording, path, indexes, signal.values[:, channels])
@@ -108,7 +108,7 @@ def send_events(recording: rr.RecordingStream, result: RunResult, *, prefix: str
         time_columns(steps, times),
         rr.TextLog.columns(
             text=[f"{prefix}{event.kind}: {event.text} (t = {event.time:.6g} s)" for event in result.events],
-            level=["ERROR" if event.kind == "stop" and result.status == "diverged" else "INFO" for event in result.events],
+            level=["ERROR" if event.kind == "end" and result.status == "diverged" else "INFO" for event in result.events],
         ),
         recording=recording,
         strict=True,

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import os
 import uuid
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,11 +14,12 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from invtrack.errors import RecordingError
+from invtrack.files import replaced_when_complete
 from invtrack.recording.blueprint import make_blueprint
 from invtrack.recording.layout import ARCHETYPE, FORMAT, HELD, SAMPLED, entity_path, time_columns
 from invtrack.recording.scene import Scene, make_scene, send_scene
 from invtrack.recording.series import send_series
-from invtrack.runs.result import RunResult
+from invtrack.results.result import RunResult
 
 
 def save_recording(results: RunResult | Sequence[RunResult], path: str | Path) -> Path:
@@ -43,18 +42,11 @@ def save_recording(results: RunResult | Sequence[RunResult], path: str | Path) -
     target = Path(path)
     if target.suffix != ".rrd":
         raise RecordingError(f"expected a path that ends in .rrd, by which the Rerun viewer knows recordings; got {target}")
-    partial = target.with_name(f".{target.name}.{os.getpid()}.partial")
     scenes = [make_scene(run) for run in runs]
-    try:
+    with replaced_when_complete(target) as draft:
         target.parent.mkdir(parents=True, exist_ok=True)
-        partial.touch()  # Rerun opens the file in the background, so find out here whether it can be written
-        _write(runs, scenes, partial, title=target.stem)
-        os.replace(partial, target)
-    except OSError as error:
-        raise RecordingError(f"cannot write the recording {target}: {error}; choose a folder that can be written to") from error
-    finally:
-        with contextlib.suppress(OSError):
-            partial.unlink()
+        draft.touch()  # Rerun opens the file in the background, so find out here whether it can be written
+        _write(runs, scenes, draft, title=target.stem)
     return target
 
 
@@ -111,7 +103,7 @@ def metadata(run: RunResult, number: int) -> dict[str, Any]:
         "model": run.model,
         "manoeuvre": [float(time) for time in run.manoeuvre],
         "timestep": float(run.timestep),
-        "hold": run.hold,
+        "evaluate": run.evaluate,
         "integrator": run.integrator,
         "vibration_period": float(run.vibration_period),
         "events": [[float(event.time), event.kind, event.text] for event in run.events],

@@ -10,7 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import RedesignError
-from invtrack.lti.switched import as_switched
+from invtrack.linear.switched import as_switched
+from invtrack.plans.certificate import certify
+from invtrack.plans.ends import actuation_times
+from invtrack.plans.plan import Plan
+from invtrack.plans.problem import deviation_reference
 from invtrack.redesign.limited.first_window import LimitedProblem
 from invtrack.redesign.limited.limit_check import ActiveLimit, active_limits
 from invtrack.redesign.limited.tails import Tail, tails_of
@@ -18,11 +22,7 @@ from invtrack.redesign.limited.window import KEPT, LimitedSolution, free_excess,
 from invtrack.redesign.limits import Bound, Limits, bounds_of
 from invtrack.redesign.quadratic import ACCURACY, quadratic_redesign
 from invtrack.redesign.weights import as_weights
-from invtrack.signals.certificate import certify
-from invtrack.signals.decay import actuation_times
-from invtrack.signals.deviation import deviation_reference
-from invtrack.signals.nominal import NominalTrajectory
-from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ LEAST_MARGIN = 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ConstrainedTrajectory(NominalTrajectory):
+class ConstrainedTrajectory(Plan):
     """A plan with limits. active: the limits that it touches, and when. step [s]: longest over which the input is linear.
 
     overshoot: largest excess of any limit anywhere, as a share of the limit's size; zero where all are kept. Where no limit is
@@ -95,8 +95,8 @@ def constrained_redesign(
     return _plan(problem, solution, reference, tolerance, max_preactuation)
 
 
-def _unlimited(free: NominalTrajectory) -> ConstrainedTrajectory:
-    inherited = {each.name: getattr(free, each.name) for each in fields(NominalTrajectory)}
+def _unlimited(free: Plan) -> ConstrainedTrajectory:
+    inherited = {each.name: getattr(free, each.name) for each in fields(Plan)}
     remarks = (*free.remarks, "no limit is active: this is the optimum without limits")
     return ConstrainedTrajectory(**{**inherited, "method": METHOD, "remarks": remarks})
 
@@ -105,9 +105,9 @@ def _plan(
     problem: LimitedProblem, solution: LimitedSolution, reference: PiecewiseSignal, tolerance: float, limit: float | None
 ) -> ConstrainedTrajectory:
     """The solution with its ends, its certificate and what a user should know."""
-    trajectory, support = solution.trajectory, problem.reference.support
+    trajectory, manoeuvre = solution.trajectory, problem.reference.manoeuvre
     preactuation, postactuation, remarks = _actuation_times(problem, solution, tolerance, limit)
-    span = (support[0] - preactuation, support[1] + postactuation)
+    span = (manoeuvre[0] - preactuation, manoeuvre[1] + postactuation)
     certificate = certify(problem.plant, trajectory, problem.reference, span)
     worst = max(certificate.dynamics_residual, certificate.continuity)
     if not worst <= ACCURACY:
@@ -122,7 +122,7 @@ def _plan(
         model=problem.plant,
         reference=reference,
         trajectory=trajectory,
-        support=support,
+        manoeuvre=manoeuvre,
         preactuation=preactuation,
         postactuation=postactuation,
         tolerance=tolerance,
@@ -143,7 +143,7 @@ def _actuation_times(
     problem: LimitedProblem, solution: LimitedSolution, tolerance: float, limit: float | None
 ) -> tuple[float, float, tuple[str, ...]]:
     """How long [s] before and after the manoeuvre the plan is away from rest; the window counts as away throughout."""
-    trajectory, (start, end) = solution.trajectory, problem.reference.support
+    trajectory, (start, end) = solution.trajectory, problem.reference.manoeuvre
     edges = trajectory.breakpoints
     departures = tuple(tail.departure(v) for tail, v in zip(problem.tails, solution.v, strict=True))
     before, after, _ = actuation_times(trajectory, (departures[0], departures[1]), tolerance, None)

@@ -5,12 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
 
 FREE_HOLDING = 1e-12
 """Holding an output counts as free where it costs less per second than this share of what not moving there at all would cost."""
+
+ROUNDING = 1e-12
+"""A cost per second below this share of the terms that it is the sum of is what is left where they cancel."""
 
 AT_REST = 1e-12
 """A held value this close to the operating point's output, as a share of the reference's size, is off it by rounding only."""

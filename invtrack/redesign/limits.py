@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,13 +10,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import RedesignError
-from invtrack.lti.state_space import StateSpace
-from invtrack.redesign.state_rows import StateRow, state_row
+from invtrack.linear.state_space import StateSpace
 
 Array = NDArray[np.float64]
 
 Range = ArrayLike | tuple[ArrayLike, ArrayLike]
 """A number or one per channel: |value| at most that. A tuple (low, high) of two such: low <= value <= high."""
+
+Kind = Literal["input", "input rate", "path"]
+
+StateRow = Mapping[str, float] | ArrayLike
+"""Weights by state names, {"th1": 1.0, "th2": -1.0}, or one number per state."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +49,6 @@ class Limits:
     input_rate: Range = np.inf
     output: Range = np.inf
     states: Sequence[StateLimit] = ()
-
-
-Kind = Literal["input", "input rate", "path"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,3 +140,28 @@ def _channels(name: str, value: ArrayLike, size: int, meaning: str) -> Array:
     if np.any(np.isnan(array)):
         raise RedesignError(f"limit {name!r} has entries that are not numbers: {array.tolist()}")
     return np.asarray(array * np.ones(size))
+
+
+def state_row(name: str, row: StateRow, system: StateSpace) -> Array:
+    """The row (n,) that the states, as deviations from the operating point, are multiplied with.
+
+    Raises RedesignError for states that there are not, another number of weights than states, and weights that are not finite or
+    all zero. `name` is what the message calls the combination.
+    """
+    states = list(system.state_names)
+    if isinstance(row, Mapping):
+        unknown = [state for state in row if state not in states]
+        if unknown or not row:
+            raise RedesignError(
+                f"{name!r}: expected weights of some of the states {states}, got {dict(row)}"
+                + (f", of which {unknown} are unknown" if unknown else "")
+            )
+        row = [row.get(state, 0.0) for state in states]
+    values = np.asarray(row, dtype=float)
+    if values.shape != (len(states),):
+        raise RedesignError(
+            f"{name!r}: expected {len(states)} weights, one for each of the states {states}, got shape {values.shape}"
+        )
+    if not np.all(np.isfinite(values)) or not np.any(values):
+        raise RedesignError(f"{name!r}: expected finite weights that are not all zero, got {values.tolist()}")
+    return values

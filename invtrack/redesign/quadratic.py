@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import RedesignError, TrajectoryError
-from invtrack.lti.switched import SwitchedSystem, as_switched
-from invtrack.redesign.holding import FREE_HOLDING
+from invtrack.linear.switched import SwitchedSystem, as_switched
+from invtrack.plans.certificate import certify
+from invtrack.plans.ends import actuation_times
+from invtrack.plans.plan import Certificate, Plan
+from invtrack.plans.problem import deviation_reference, require_reference
+from invtrack.redesign.holding import FREE_HOLDING, ROUNDING
 from invtrack.redesign.optimal.assembly import Redesign, assemble
 from invtrack.redesign.weights import Weights, as_weights
-from invtrack.signals.certificate import certify
-from invtrack.signals.decay import actuation_times
-from invtrack.signals.deviation import deviation_reference, require_reference
-from invtrack.signals.nominal import Certificate, NominalTrajectory
-from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
 
@@ -33,7 +33,7 @@ def quadratic_redesign(
     Q_y: ArrayLike,
     tolerance: float = 1e-10,
     max_preactuation: float | None = None,
-) -> NominalTrajectory:
+) -> Plan:
     """The trajectory of `model` that minimises what it costs to move and to miss the reference, over all of time.
 
     integral of (u - u0)'R (u - u0) + x'Q_x x + (y - y_d)'Q_y (y - y_d), x' = A_k x + B_k (u - u0), x continuous through the jumps.
@@ -62,15 +62,15 @@ def quadratic_redesign(
     plan = assemble(plant, deviation, weights)
     _require_free_holding(plant, plan, weights)
     preactuation, postactuation, remarks = actuation_times(plan.trajectory, plan.departures, tolerance, max_preactuation)
-    support = deviation.support
-    certificate = certify(plant, plan.trajectory, deviation, (support[0] - preactuation, support[1] + postactuation))
+    manoeuvre = deviation.manoeuvre
+    certificate = certify(plant, plan.trajectory, deviation, (manoeuvre[0] - preactuation, manoeuvre[1] + postactuation))
     _require_accurate(certificate)
-    return NominalTrajectory(
+    return Plan(
         method="quadratic redesign",
         model=plant,
         reference=reference,
         trajectory=plan.trajectory,
-        support=support,
+        manoeuvre=manoeuvre,
         preactuation=preactuation,
         postactuation=postactuation,
         tolerance=tolerance,
@@ -86,7 +86,7 @@ def _deviation(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSi
         w = reference.anchors[place, : len(generator.S)]
         if np.any(np.abs(generator.S @ w) > 1e-12 * np.abs(generator.S) @ np.abs(w)):
             raise TrajectoryError(
-                f"the reference goes on moving {when} its first and last breakpoint ({reference.support}), for ever, so the cost "
+                f"the reference goes on moving {when} its first and last breakpoint ({reference.manoeuvre}), for ever, so the cost "
                 "over all of time is infinite; hold it still there, for instance with invtrack.autonomous(..., start=, end=)"
             )
     return deviation_reference(plant, reference)
@@ -99,7 +99,8 @@ def _require_free_holding(plant: SwitchedSystem, plan: Redesign, weights: Weight
         staying_away = float(np.abs(wanted) @ np.abs(weights.Q_y) @ np.abs(wanted))
         x, u, y = np.split(values[np.newaxis], [n, n + p], axis=1)
         rate = float(weights.rate(x, u, y - wanted)[0])
-        if rate > FREE_HOLDING * staying_away:
+        rounding = ROUNDING * float(weights.terms(x, u, y - wanted)[0])
+        if rate > FREE_HOLDING * staying_away + rounding:
             raise RedesignError(
                 f"the cost is infinite: {when} the manoeuvre the outputs {list(plant.systems[0].output_names)} are to be held at "
                 f"{wanted.tolist()} (from the operating point) for ever, which costs {rate:.3g} per second even at the best "

@@ -10,21 +10,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.control.protocol import Controller
 from invtrack.errors import SimulationError
-from invtrack.physics.plant import Plant
-from invtrack.runs.result import RunResult
-from invtrack.simulation.expectations import (
+from invtrack.plant.change import Change, ordered
+from invtrack.plant.plant import Plant
+from invtrack.results.result import RunResult
+from invtrack.simulation.grid import Grid, held_instants, make_grid, stage_instants, update_times, updates_of_steps
+from invtrack.simulation.linear_plant import LinearPlant
+from invtrack.simulation.mujoco_plant import MujocoPlant
+from invtrack.simulation.preflight import (
     require_fit,
     warn_of_limits,
     warn_of_start,
     warn_of_unstable_holds,
     warn_of_unused_sensors,
 )
-from invtrack.simulation.grid import Grid, make_grid
-from invtrack.simulation.instants import held_instants, stage_instants, update_times, updates_of_steps
-from invtrack.simulation.linear_plant import LinearPlant
-from invtrack.simulation.mujoco_plant import MujocoPlant
-from invtrack.simulation.result import Circumstances, make_result
-from invtrack.simulation.schedule import Change, ordered
+from invtrack.simulation.run_record import Circumstances, make_result
 from invtrack.simulation.sensors import Sensor, SensorChain
 from invtrack.simulation.simulated_plant import SimulatedPlant
 from invtrack.simulation.stepping import Progress, Run
@@ -42,8 +41,8 @@ def simulate(
     schedule: Sequence[Change] = (),
     timestep: float = 1e-3,
     start: float | None = None,
-    stop: float | None = None,
-    hold: Literal["midpoint", "continuous"] = "midpoint",
+    end: float | None = None,
+    evaluate: Literal["held", "stages"] = "held",
     initial_state: ArrayLike | None = None,
     sensors: Mapping[str, Sensor] | None = None,
     seed: int = 0,
@@ -55,9 +54,9 @@ def simulate(
     plant: a MuJoCo plant, or a LinearPlant in its place; it starts at rest at its operating point, or at `initial_state` (n,).
     schedule: when physical parameters really change, known to the controller or not; positions and velocities are continuous there.
     timestep [s]: no step is longer; each interval between breakpoints (of schedule, controller, its updates and reference) is
-    divided evenly. start, stop [s]: by default from the plan's preactuation until it has come to rest, and at least 5 periods of
-    the slowest flexible mode after the manoeuvre. hold: "midpoint" holds the feedforward's mean over each update's hold (error of
-    order hold^2), "continuous" evaluates the law at every stage of RK4 (order timestep^4). sensors: noise, quantization and delay
+    divided evenly. start, end [s]: by default from the plan's preactuation until it has come to rest, and at least 5 periods of
+    the slowest flexible mode after the manoeuvre. evaluate: "held" holds the feedforward's mean over each update's hold (error of
+    order hold^2), "stages" evaluates the law at every stage of RK4 (order timestep^4). sensors: noise, quantization and delay
     of named measurements, for controllers that use them; seed: of the noise. progress: called now and then with the share of the
     run that is done.
 
@@ -70,27 +69,27 @@ def simulate(
     """
     simulated: SimulatedPlant = MujocoPlant(plant) if isinstance(plant, Plant) else plant
     changes = ordered(schedule)
-    require_fit(simulated, controller, hold, changes)
+    require_fit(simulated, controller, evaluate, changes)
     warn_of_limits(simulated, controller)
     warn_of_unused_sensors(controller, sensors or {})
-    nominal = controller.nominal
+    plan = controller.plan
     end_values = simulated.parameter_values
     for change in changes:
         end_values.update(change.parameters)
     period = simulated.vibration_period(end_values)
     if start is None and initial_state is None:
         warn_of_start(simulated, controller)
-    start = nominal.start if start is None else float(start)
-    if stop is None:
-        stop = max(nominal.end, nominal.support[1] + (RESIDUAL_PERIODS * period if np.isfinite(period) else 0.0))
-    updates = update_times(start, stop, controller.period)
+    start = plan.start if start is None else float(start)
+    if end is None:
+        end = max(plan.end, plan.manoeuvre[1] + (RESIDUAL_PERIODS * period if np.isfinite(period) else 0.0))
+    updates = update_times(start, end, controller.period)
     breakpoints = [change.time for change in changes]
-    for source in (controller.breakpoints, nominal.breakpoints, simulated.breakpoints, updates):
+    for source in (controller.breakpoints, plan.breakpoints, simulated.breakpoints, updates):
         breakpoints.extend(source.tolist())
-    grid = make_grid(start, stop, breakpoints, timestep)
+    grid = make_grid(start, end, breakpoints, timestep)
     initial, later = _parameters_on_grid(simulated, changes, grid)
     update = updates_of_steps(grid, updates)
-    instants = stage_instants(grid) if hold == "continuous" else held_instants(grid, update)
+    instants = stage_instants(grid) if evaluate == "stages" else held_instants(grid, update)
     warn_of_unstable_holds(controller, instants)
     run = Run(
         stepper=simulated.stepper(_state(simulated, initial_state), initial),
@@ -101,9 +100,9 @@ def simulate(
         measures=controller.measures,
         sensors=SensorChain(simulated.measurement_names, sensors or {}, seed),
     )
-    recorded = run.go(at_stages=hold == "continuous", progress=progress)
+    recorded = run.go(at_stages=evaluate == "stages", progress=progress)
     return make_result(
-        name, simulated, controller, recorded, Circumstances(grid, initial, later, timestep, hold, vibration_period=period)
+        name, simulated, controller, recorded, Circumstances(grid, initial, later, timestep, evaluate, vibration_period=period)
     )
 
 

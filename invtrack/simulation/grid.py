@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.control.protocol import Instants
 from invtrack.errors import SimulationError
 
 Array = NDArray[np.float64]
@@ -18,6 +19,9 @@ SNAP = 1e-9
 
 MOST_STEPS = 5e7
 """Steps of a run at most: every one of them is recorded."""
+
+MOST_UPDATES = 20_000_000
+"""More updates in one run than this are taken for a mistake in the period."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,30 +58,70 @@ class Grid:
         return nearest if abs(self.edges[nearest] - t) <= SNAP * self.step.max() else None
 
 
-def make_grid(start: float, stop: float, breakpoints: Iterable[float], timestep: float) -> Grid:
-    """Divide [start, stop] at the breakpoints inside it, and each interval evenly into steps not longer than `timestep` [s].
+def make_grid(start: float, end: float, breakpoints: Iterable[float], timestep: float) -> Grid:
+    """Divide [start, end] at the breakpoints inside it, and each interval evenly into steps not longer than `timestep` [s].
 
     Raises SimulationError for a time step or a span that is not positive, or more than MOST_STEPS steps.
     """
     if not (np.isfinite(timestep) and timestep > 0):
         raise SimulationError(f"the time step must be a positive number of seconds, got {timestep}")
-    if not (np.isfinite(start) and np.isfinite(stop) and stop > start):
-        raise SimulationError(f"the run must stop after it starts, got start {start} s and stop {stop} s")
+    if not (np.isfinite(start) and np.isfinite(end) and end > start):
+        raise SimulationError(f"the run must end after it starts, got start {start} s and end {end} s")
     edges = [start]
-    for t in sorted({float(t) for t in breakpoints if start < t < stop}):
+    for t in sorted({float(t) for t in breakpoints if start < t < end}):
         if t - edges[-1] > SNAP * timestep:
             edges.append(t)
-    if stop - edges[-1] <= SNAP * timestep and len(edges) > 1:
+    if end - edges[-1] <= SNAP * timestep and len(edges) > 1:
         edges.pop()
-    edges.append(stop)
+    edges.append(end)
     lengths = np.diff(edges)
     if np.sum(lengths) / timestep > MOST_STEPS:
         raise SimulationError(
-            f"a run of {stop - start:.6g} s in steps of {timestep:g} s takes {np.sum(lengths) / timestep:.1e} steps, more than the "
+            f"a run of {end - start:.6g} s in steps of {timestep:g} s takes {np.sum(lengths) / timestep:.1e} steps, more than the "
             f"{MOST_STEPS:.0e} that can be recorded; take a larger time step or a shorter run"
         )
     counts = np.maximum(np.ceil(lengths / timestep * (1 - SNAP)), 1).astype(np.intp)
-    time = np.concatenate(
-        [a + (b - a) * np.arange(n) / n for a, b, n in zip(edges[:-1], edges[1:], counts, strict=True)] + [[stop]]
-    )
+    time = np.concatenate([a + (b - a) * np.arange(n) / n for a, b, n in zip(edges[:-1], edges[1:], counts, strict=True)] + [[end]])
     return Grid(np.array(edges), np.concatenate([[0], np.cumsum(counts)]), lengths / counts, time)
+
+
+def update_times(start: float, end: float, period: float | None) -> Array:
+    """start + k period before end [s]; empty where the controller acts in every step. Raises SimulationError for too many."""
+    if period is None:
+        return np.zeros(0)
+    count = int(np.ceil((end - start) / period * (1 - SNAP)))
+    if count > MOST_UPDATES:
+        raise SimulationError(f"a period of {period} s means {count} updates in this run; the limit is {MOST_UPDATES}")
+    return np.asarray(start + period * np.arange(count), dtype=float)
+
+
+def updates_of_steps(grid: Grid, times: Array) -> NDArray[np.intp]:
+    """Number of the update whose input holds in each step (N,): all different where `times` is empty."""
+    if times.size == 0:
+        return np.arange(grid.n_steps)
+    middle = (grid.time[:-1] + grid.time[1:]) / 2  # no step holds an update in its inside
+    return np.searchsorted(times, middle, side="right") - 1
+
+
+def held_instants(grid: Grid, update: NDArray[np.intp]) -> Instants:
+    """One instant per update; the parts of its hold are the steps."""
+    length = grid.step[grid.interval]
+    first = np.flatnonzero(np.diff(update, prepend=-1))
+    hold = np.add.reduceat(length, first)
+    return Instants(
+        time=grid.time[first],
+        hold=hold,
+        inside=grid.middle[first],
+        first=first,
+        part_middle=(grid.time[:-1] + grid.time[1:]) / 2,
+        part_inside=grid.middle,
+        part_share=length / hold[update],
+    )
+
+
+def stage_instants(grid: Grid) -> Instants:
+    """Start, middle and end of each step; nothing is held."""
+    begin, end = grid.time[:-1], grid.time[1:]
+    time = np.column_stack([begin, (begin + end) / 2, end]).ravel()
+    inside = np.repeat(grid.middle, 3)
+    return Instants.undivided(time, np.zeros(len(time)), inside)

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
-from invtrack.lti.modes import slowest_flexible_period
-from invtrack.lti.state_space import OperatingPoint
-from invtrack.lti.switched import as_switched
+from invtrack.linear.state_space import OperatingPoint
+from invtrack.linear.switched import as_switched, slowest_flexible_period
 
 Array = NDArray[np.float64]
 

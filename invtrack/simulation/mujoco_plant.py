@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from invtrack.control.protocol import Law
 from invtrack.errors import PlantError, SimulationError
-from invtrack.lti.modes import slowest_flexible_period
-from invtrack.lti.state_space import OperatingPoint
-from invtrack.physics.callbacks import mujoco_callbacks
-from invtrack.physics.coordinates import configuration_of
-from invtrack.physics.linearize import linearize
-from invtrack.physics.plant import Plant
+from invtrack.linear.state_space import OperatingPoint
+from invtrack.linear.switched import slowest_flexible_period
+from invtrack.plant.callbacks import mujoco_callbacks
+from invtrack.plant.configuration import configuration_of
+from invtrack.plant.linearize import linearize
+from invtrack.plant.plant import Plant
 
 Array = NDArray[np.float64]
 
@@ -152,8 +152,8 @@ class MujocoStepper:
         """A block in which the law is evaluated at every stage of RK4. Raises SimulationError for other integrators."""
         if self.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
             raise SimulationError(
-                'hold="continuous" evaluates the input at the stages of RK4, the model uses another integrator; set '
-                '<option integrator="RK4"/> or use hold="midpoint"'
+                'evaluate="stages" evaluates the input at the stages of RK4, the model uses another integrator; set '
+                '<option integrator="RK4"/> or use evaluate="held"'
             )
         stage_input = RungeKuttaInput(self, law)
         with mujoco_callbacks(self.model, control=stage_input.control):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.control.protocol import Law
-from invtrack.lti.state_space import OperatingPoint
+from invtrack.linear.state_space import OperatingPoint
 
 Array = NDArray[np.float64]
 

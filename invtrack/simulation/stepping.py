@@ -10,9 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.control.affine import AffineLaw
-from invtrack.control.protocol import Law
-from invtrack.physics.callbacks import mujoco_warnings
+from invtrack.control.protocol import AffineLaw, Law
+from invtrack.plant.callbacks import mujoco_warnings
 from invtrack.simulation.grid import Grid
 from invtrack.simulation.sensors import SensorChain
 from invtrack.simulation.simulated_plant import StageInput, Stepper

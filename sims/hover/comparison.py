@@ -6,7 +6,7 @@ import numpy as np
 from hover.aircraft import ATTITUDES, INPUTS, channel
 
 import invtrack
-from invtrack.inversion.modification.trajectory import ModifiedTrajectory
+from invtrack.inversion.modified.modified_plan import ModifiedTrajectory
 
 FADED = 1e-3
 """The fit of the decay reaches back to where the input has fallen to this share of what it is at the start of the manoeuvre."""
@@ -17,15 +17,15 @@ SAMPLES = 200
 RESOLUTION = 0.01  # [s]
 
 
-def inverse_poles(plan: invtrack.NominalTrajectory) -> np.ndarray:
+def inverse_poles(plan: invtrack.Plan) -> np.ndarray:
     """Poles [1/s] of the inverse behind a plan: the plant's zeros, or where they were moved to and those of the error."""
     if isinstance(plan, ModifiedTrajectory):
         modification = plan.modification[0]
-        return np.concatenate([modification.zeros_after, modification.chain_poles])
+        return np.concatenate([modification.zeros_after, modification.error_poles])
     return invtrack.zeros(plan.model.systems[0])
 
 
-def decay_pair(plan: invtrack.NominalTrajectory) -> complex:
+def decay_pair(plan: invtrack.Plan) -> complex:
     """The antistable pole [1/s] of the inverse nearest to the axis, in the upper half-plane: it sets the preactuation."""
     antistable = [complex(pole) for pole in inverse_poles(plan) if pole.real > 0 and pole.imag >= 0]
     return min(antistable, key=lambda pole: pole.real)
@@ -47,14 +47,14 @@ def fitted_decay_rate(run: invtrack.RunResult, pair: complex) -> float:
     return float(-np.polyfit(half_period * np.arange(count), means, 1)[0])
 
 
-def likeness(exact: invtrack.NominalTrajectory, modified: invtrack.NominalTrajectory) -> dict[str, dict[str, float]]:
+def likeness(exact: invtrack.Plan, modified: invtrack.Plan) -> dict[str, dict[str, float]]:
     """Of each control and attitude: its peaks over both plans; largest difference and correlation in the manoeuvre.
 
     The difference is a share of the exact plan's peak.
     """
     model = exact.model.systems[0]
     overall = np.arange(exact.start, exact.end, RESOLUTION)
-    within = np.arange(*exact.support, RESOLUTION)
+    within = np.arange(*exact.manoeuvre, RESOLUTION)
     rows = {}
     for label, name in {**{name: name for name in INPUTS}, **ATTITUDES}.items():
         peaks = [float(np.max(np.abs(_values(plan, overall, model, name)))) for plan in (exact, modified)]
@@ -68,7 +68,7 @@ def likeness(exact: invtrack.NominalTrajectory, modified: invtrack.NominalTrajec
     return rows
 
 
-def _values(plan: invtrack.NominalTrajectory, times: np.ndarray, model: invtrack.StateSpace, name: str) -> np.ndarray:
+def _values(plan: invtrack.Plan, times: np.ndarray, model: invtrack.StateSpace, name: str) -> np.ndarray:
     if name in model.input_names:
         return channel(plan.inputs(times), model.input_names, name)
     return channel(plan.states(times), model.state_names, name)

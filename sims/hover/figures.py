@@ -9,7 +9,7 @@ from hover.aircraft import ATTITUDES, INPUTS, OUTPUTS, channel
 from matplotlib.figure import Figure
 
 import invtrack
-from invtrack.figures.overlay import Line, overlay_figure
+from invtrack.figures.comparison import Line, overlay_figure
 
 SAMPLES = 8001
 BEFORE, AFTER = 8.0, 10.0  # [s] shown around the manoeuvre
@@ -18,13 +18,13 @@ FAINTEST = 1e-6  # |u| below this is not drawn on the logarithmic axis
 UNITS = {"U": "m/s", "W": "m/s", "V": "m/s", "R": "rad/s"}
 MOTIONS = {"U": "forward", "W": "downward", "V": "lateral", "R": "yaw rate"}
 
-Plans = Mapping[str, invtrack.NominalTrajectory]
+Plans = Mapping[str, invtrack.Plan]
 Panels = list[tuple[str, dict[str, Line]]]
 
 
 def papers_figures(plans: Plans, runs: Mapping[str, invtrack.RunResult]) -> dict[str, Figure]:
     """By file name; plans and runs (in MuJoCo) of the cases by name."""
-    T_i, T_f = next(iter(plans.values())).support
+    T_i, T_f = next(iter(plans.values())).manoeuvre
     wanted, near, long = (T_i - 1.0, T_f + 1.0), (T_i - BEFORE, T_f + AFTER), (T_i - LONG_BEFORE, T_f)
     return {
         "figure_2_desired_velocities": _figure("desired velocities", _desired(plans, 0), wanted),
@@ -45,7 +45,7 @@ def _figure(subject: str, panels: Panels, window: tuple[float, float]) -> Figure
 
 
 def _times(plans: Plans) -> np.ndarray:
-    T_i, T_f = next(iter(plans.values())).support
+    T_i, T_f = next(iter(plans.values())).manoeuvre
     return np.linspace(T_i - LONG_BEFORE, T_f + AFTER, SAMPLES)
 
 

@@ -8,9 +8,9 @@ from typing import Any
 from hover.aircraft import LINEAR
 from hover.comparison import inverse_poles
 
-from invtrack.lti.zero_dynamics import format_zeros
-from invtrack.runs.table import Column, print_table
-from invtrack.signals.preactuation import PreactuationBound
+from invtrack.linear.internal_dynamics import format_zeros
+from invtrack.plans.preactuation import PreactuationBound
+from invtrack.studies.table import Column, print_table
 
 COLUMNS = (
     Column("max error", "SI"),

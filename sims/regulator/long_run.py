@@ -9,7 +9,7 @@ import scipy.linalg
 from regulator.rig import OBSERVER_POLES, POLES, STATE_OBSERVER, Rig, interval_errors, numbers, rig
 
 import invtrack
-from invtrack.runs.table import Column, print_table
+from invtrack.studies.table import Column, print_table
 
 CYCLES = 16
 CYCLE = 2 * np.pi  # [s]

@@ -9,7 +9,7 @@ from regulator.rig import OBSERVER_POLES, STATE_OBSERVER, Rig, interval_errors, 
 
 import invtrack
 from invtrack.control.protocol import Instants
-from invtrack.runs.table import Column, print_table
+from invtrack.studies.table import Column, print_table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]
 JUMPS = (np.pi / 2, 3 * np.pi / 2)  # [s]

@@ -33,7 +33,7 @@ def published(model: invtrack.SwitchedSystem, wanted: invtrack.Exosystem) -> dic
         invtrack.SwitchedSystem([systems[id(s)] for s in model.systems], model.switch_times), wanted
     )
     first, second = regulation.breakpoints[:2]
-    G_0 = regulation.G([first], inside=[(first + second) / 2])[0, :, :2]
+    G_0 = regulation.x_map([first], inside=[(first + second) / 2])[0, :, :2]
     certificate = regulation.certificate
     return {
         "G0": G_0,

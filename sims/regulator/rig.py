@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import invtrack
-from invtrack.runs.progress import progress
+from invtrack.studies.progress import progress
 
 A_E = ((0, 1, 0, 0), (-1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0))
 C_E = ((0, 0, 0, 1),)
@@ -30,7 +30,7 @@ class Rig:
     model: invtrack.SwitchedSystem
     gains: invtrack.GainSchedule
     maps: dict[str, invtrack.RegulationMap]
-    nominal: invtrack.NominalTrajectory
+    plan: invtrack.Plan
 
     @property
     def schedule(self) -> list[invtrack.Change]:
@@ -39,12 +39,12 @@ class Rig:
 
     def controller(self, name: str, **options: Any) -> invtrack.ExosystemController:
         """The law with one of the maps; all are judged by the exact plan for the same wanted output."""
-        return invtrack.ExosystemController(self.maps[name], self.gains, exosystem_state=X_E, nominal=self.nominal, **options)
+        return invtrack.ExosystemController(self.maps[name], self.gains, exosystem_state=X_E, plan=self.plan, **options)
 
     def own_state(self, name: str) -> np.ndarray:
         """The plant's state that a map wants when the manoeuvre starts, G(T_i) x_e (n,), from inside the manoeuvre."""
         first, second = self.maps[name].breakpoints[:2]
-        return np.asarray(self.maps[name].G([first], inside=[(first + second) / 2])[0] @ X_E)
+        return np.asarray(self.maps[name].x_map([first], inside=[(first + second) / 2])[0] @ X_E)
 
     def run(self, name: str, controller: invtrack.ExosystemController, *, timestep: float, **options: Any) -> invtrack.RunResult:
         """One case in MuJoCo."""
@@ -64,7 +64,7 @@ def rig(plant: invtrack.Plant, masses: Sequence[float], jumps: Sequence[float], 
         "switched_francis": invtrack.switched_francis(model, wanted),
         "single_francis": invtrack.single_francis(model, wanted, interval=0),
     }
-    return Rig(plant, masses, model, invtrack.place(model, POLES), maps, maps["exact_map"].nominal(X_E))
+    return Rig(plant, masses, model, invtrack.place(model, POLES), maps, maps["exact_map"].plan(X_E))
 
 
 def cantilever() -> invtrack.Plant:

@@ -22,9 +22,9 @@ from two_disc.rig import (
 )
 
 import invtrack
-from invtrack.redesign.trade_off import outcome
-from invtrack.runs.progress import progress
-from invtrack.runs.table import Column, print_table
+from invtrack.redesign.pareto import outcome
+from invtrack.studies.progress import progress
+from invtrack.studies.table import Column, print_table
 
 DURATIONS = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0)  # [s]
 LIMIT = 0.8  # of the redesigned plan's peak input: what the actuator passes on in the limited case

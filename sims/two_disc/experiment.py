@@ -14,8 +14,8 @@ import numpy as np
 from two_disc.rig import MEASUREMENTS, PUBLISHED, SHARES, SHOWN, Plans, measured_shares, peak, run, twist
 
 import invtrack
-from invtrack.runs.progress import progress
-from invtrack.runs.table import Column, print_table
+from invtrack.studies.progress import progress
+from invtrack.studies.table import Column, print_table
 
 PERIOD = 0.02  # [s]
 NOISE = 1e-3  # [rad], standard deviation of one sample
@@ -74,7 +74,7 @@ def experiment(
     return rows, drawn
 
 
-def controller(model: invtrack.StateSpace, plan: invtrack.NominalTrajectory) -> invtrack.OutputFeedbackController:
+def controller(model: invtrack.StateSpace, plan: invtrack.Plan) -> invtrack.OutputFeedbackController:
     """What knows the identified rig and sees two angles."""
     observer = invtrack.KalmanFilter(INPUT_NOISE, measurement_noise=np.hypot(NOISE, DIGIT / np.sqrt(12)))
     return invtrack.OutputFeedbackController(plan, invtrack.lqr(model, **GAIN_WEIGHTS), observer, period=PERIOD)
@@ -94,7 +94,7 @@ def drive(
         name,
         timestep,
         after=AFTER,
-        schedule=[invtrack.Change(controller.nominal.start, **values)],
+        schedule=[invtrack.Change(controller.plan.start, **values)],
         sensors={sensor: invtrack.Sensor(noise=NOISE, quantization=DIGIT) for sensor in MEASUREMENTS},
         seed=real.seed,
     )
@@ -111,7 +111,7 @@ def _row(name: str, real: Rig, plans: Plans, runs: dict[str, invtrack.RunResult]
     }
 
 
-def _numbers(plan: invtrack.NominalTrajectory, result: invtrack.RunResult) -> dict[str, float]:
+def _numbers(plan: invtrack.Plan, result: invtrack.RunResult) -> dict[str, float]:
     """Peaks, planned and measured, and what noise and the wrong model leave: in the input, and beside the planned output."""
     middle = (result.time[:-1] + result.time[1:]) / 2
     planned = plan(middle)

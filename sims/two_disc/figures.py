@@ -11,9 +11,8 @@ from two_disc.experiment import DRAWN
 from two_disc.rig import PROFILES, Q_TWIST, Q_Y, SHARES, SHOWN, TWIST_WEIGHT, Plans, R, slew, twist
 
 import invtrack
-from invtrack.figures.frequency_response import frequency_response_figure
-from invtrack.figures.overlay import overlay_figure
-from invtrack.figures.sweep import sweep_figure
+from invtrack.figures.comparison import overlay_figure
+from invtrack.figures.curves import frequency_response_figure, sweep_figure
 
 SLEW_TEXT = f"{SHOWN[0]} of {SHOWN[1]:g} s"
 WINDOW = (-20.0, 50.0)  # [s]

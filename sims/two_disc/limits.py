@@ -18,10 +18,10 @@ from two_disc.experiment import DRAWN, RIGS, controller, drive
 from two_disc.rig import MARGIN, TOLERANCE, TWIST, clamped_steps, peak, run, slew, twist
 
 import invtrack
-from invtrack.figures.overlay import overlay_figure
+from invtrack.figures.comparison import overlay_figure
 from invtrack.redesign.constrained import ConstrainedTrajectory
-from invtrack.redesign.trade_off import outcome
-from invtrack.runs.table import Column, print_table
+from invtrack.redesign.pareto import outcome
+from invtrack.studies.table import Column, print_table
 
 PROFILE, DURATION = "quintic", 10.0  # [s]
 WEIGHTS = {"R": 1.0, "Q_y": 10.0}  # the twist has no weight: it has a limit
@@ -40,7 +40,7 @@ COLUMNS = (
 class LimitedSlew:
     """Plans and runs of the same slew."""
 
-    plans: dict[str, invtrack.NominalTrajectory]
+    plans: dict[str, invtrack.Plan]
     runs: dict[str, invtrack.RunResult]
     limited: ConstrainedTrajectory
 
@@ -97,7 +97,7 @@ def limited_slew(plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtr
     return LimitedSlew(plans, runs, limited)
 
 
-def _planned(plan: invtrack.NominalTrajectory) -> dict[str, float]:
+def _planned(plan: invtrack.Plan) -> dict[str, float]:
     figures = outcome(plan, {"twist": TWIST}).figures
     times = np.linspace(plan.start, plan.end, 100_001)
     return {**figures, "peak_rate": peak(np.diff(plan.inputs(times), axis=0)) / float(times[1] - times[0])}

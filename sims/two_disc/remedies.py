@@ -10,13 +10,13 @@ from scipy.optimize import brentq
 from two_disc.rig import Q_TWIST, Q_Y, SLEW, TWIST_WEIGHT, R
 
 import invtrack
-from invtrack.figures.trade_off import trade_off_figure
-from invtrack.redesign.trade_off import outcome
-from invtrack.runs.table import Column, print_table
+from invtrack.figures.trade_off_figure import trade_off_figure
+from invtrack.redesign.pareto import outcome
+from invtrack.studies.table import Column, print_table
 
 NEAR_AXIS = 0.5  # [1/s]: zeros this close to the axis are moved
 MOVED_TO = 2.0  # [1/s], the real part that the paper's helicopter gets
-CHAIN_POLES = {"slow": (-1.0, -2.0), "fast": (-4.0, -5.0)}  # [1/s], of the output's error
+ERROR_POLES = {"slow": (-1.0, -2.0), "fast": (-4.0, -5.0)}  # [1/s], of the output's error
 REAL_PARTS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0)  # [1/s]
 OUTPUT_WEIGHTS = (1.0, 10.0, 100.0, 1000.0, 1e4, 1e5)  # q_y of the redesign, with r = 1 and the twist free
 NOTED_WEIGHT = 1e5  # the q_y whose points bear its name in the figure
@@ -27,24 +27,24 @@ MODIFIED, REDESIGNED = "modified", "redesign"
 COLUMNS = (Column("preactuation", "s"), Column("max error", "rad"), Column("peak input", "1"))
 
 
-def modified(model: invtrack.StateSpace, reference: invtrack.PiecewiseSignal, real_part: float) -> invtrack.NominalTrajectory:
+def modified(model: invtrack.StateSpace, reference: invtrack.PiecewiseSignal, real_part: float) -> invtrack.Plan:
     """The modified inverse with the zeros near the axis at this real part [1/s], and the fast poles for the error."""
     return invtrack.modified_inversion(
-        model, reference, within=NEAR_AXIS, to=real_part, chain_poles=CHAIN_POLES["fast"], tolerance=TOLERANCE
+        model, reference, axis_distance=NEAR_AXIS, real_part=real_part, error_poles=ERROR_POLES["fast"], tolerance=TOLERANCE
     )
 
 
-def papers_redesign(model: invtrack.StateSpace, reference: invtrack.PiecewiseSignal) -> invtrack.NominalTrajectory:
+def papers_redesign(model: invtrack.StateSpace, reference: invtrack.PiecewiseSignal) -> invtrack.Plan:
     """With the weights of the redesign papers."""
     return invtrack.quadratic_redesign(model, reference, R=R, Q_x=Q_TWIST * TWIST_WEIGHT, Q_y=Q_Y, tolerance=TOLERANCE)
 
 
 def redesign_with_error(
     model: invtrack.StateSpace, reference: invtrack.PiecewiseSignal, error: float
-) -> tuple[invtrack.NominalTrajectory, float]:
+) -> tuple[invtrack.Plan, float]:
     """The redesign (r = 1, twist free) whose largest error [rad] is the one stated, and its q_y."""
 
-    def plan(exponent: float) -> invtrack.NominalTrajectory:
+    def plan(exponent: float) -> invtrack.Plan:
         return invtrack.quadratic_redesign(model, reference, R=R, Q_y=10**exponent, tolerance=TOLERANCE)
 
     exponent = float(brentq(lambda e: np.log(outcome(plan(e)).max_error / error), 0.0, 3.0, xtol=1e-3))
@@ -53,7 +53,7 @@ def redesign_with_error(
 
 def both_remedies(model: invtrack.StateSpace, reference: invtrack.PiecewiseSignal) -> list[dict[str, Any]]:
     """One row per point of either remedy: what it is, its preactuation [s], largest error [rad] and peak input."""
-    rows = [row for speed in CHAIN_POLES for row in _modified_rows(model, reference, speed)]
+    rows = [row for speed in ERROR_POLES for row in _modified_rows(model, reference, speed)]
     weights = [{"R": R, "Q_y": q_y} for q_y in OUTPUT_WEIGHTS]
     weights.append({"R": R, "Q_x": Q_TWIST * TWIST_WEIGHT, "Q_y": Q_Y})
     sweep = invtrack.pareto_sweep(model, reference, weights=weights, tolerance=TOLERANCE)
@@ -65,7 +65,7 @@ def both_remedies(model: invtrack.StateSpace, reference: invtrack.PiecewiseSigna
                 "setting": f"{setting}$q_y$ = {point['Q_y']:g}",
                 "q_x": q_x,
                 "q_y": point["Q_y"],
-                "preactuation": invtrack.preactuation_at(plan, LEVEL),
+                "preactuation": invtrack.preactuation_time(plan, level=LEVEL),
                 "max_error": result.max_error,
                 "peak_input": result.peak_input,
             }
@@ -78,9 +78,9 @@ def _modified_rows(model: invtrack.StateSpace, reference: invtrack.PiecewiseSign
     trade = invtrack.preactuation_trade_off(
         model,
         reference,
-        within=NEAR_AXIS,
+        axis_distance=NEAR_AXIS,
         real_parts=REAL_PARTS,
-        chain_poles=CHAIN_POLES[speed],
+        error_poles=ERROR_POLES[speed],
         level=LEVEL,
         tolerance=TOLERANCE,
     )
@@ -89,7 +89,7 @@ def _modified_rows(model: invtrack.StateSpace, reference: invtrack.PiecewiseSign
             "remedy": f"{MODIFIED}, {speed} error poles",
             "setting": f"{point.real_part:g} 1/s",
             "real_part": point.real_part,
-            "chain_poles": CHAIN_POLES[speed],
+            "error_poles": ERROR_POLES[speed],
             "preactuation": point.preactuation,
             "max_error": point.max_error * SLEW,  # it is a share of the motion
             "error_after": point.error_after * SLEW,
@@ -104,7 +104,7 @@ def report_remedies(rows: list[dict[str, Any]]) -> None:
     title = f"Passive rig, both remedies: time above {LEVEL:.0%} of the peak input before the slew, largest error, peak input"
     table = {f"{row['remedy']}, {row['setting'].replace('$', '')}": row for row in rows}
     print_table(title, columns=COLUMNS, rows=table, row_header="remedy")
-    poles = "; ".join(f"{speed}: {', '.join(f'{pole:g}' for pole in values)} 1/s" for speed, values in CHAIN_POLES.items())
+    poles = "; ".join(f"{speed}: {', '.join(f'{pole:g}' for pole in values)} 1/s" for speed, values in ERROR_POLES.items())
     print(f"modified: the real part that the zeros get; error poles {poles}. redesign: r = 1, q_x = 0 unless stated.")
 
 
@@ -129,5 +129,5 @@ def _note(row: dict[str, Any]) -> str:
     """A short text for the one point of each curve that says how its setting reads."""
     if row.get("real_part") == MOVED_TO:
         # Written out on the upper curve alone, since there is room for it.
-        return f"{'zeros ' if row['chain_poles'] == CHAIN_POLES['slow'] else ''}to {row['setting']}"
+        return f"{'zeros ' if row['error_poles'] == ERROR_POLES['slow'] else ''}to {row['setting']}"
     return str(row["setting"]) if row.get("q_y") == NOTED_WEIGHT or row.get("q_x") else ""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import invtrack
-from invtrack.redesign.trade_off import outcome
+from invtrack.redesign.pareto import outcome
 
 R, Q_TWIST, Q_Y = 1.0, 5000.0, 1.0  # the papers' weights
 SLEW = 1.0  # [rad]
@@ -52,8 +52,8 @@ def slew(duration: float, profile: str) -> invtrack.PiecewiseSignal:
 class Plans:
     """Exact inversion and redesign of one slew."""
 
-    exact: invtrack.NominalTrajectory
-    redesigned: invtrack.NominalTrajectory
+    exact: invtrack.Plan
+    redesigned: invtrack.Plan
 
     @classmethod
     def of(cls, model: invtrack.StateSpace, duration: float, profile: str, *, tolerance: float = TOLERANCE) -> Plans:
@@ -64,7 +64,7 @@ class Plans:
             redesigned=invtrack.quadratic_redesign(model, reference, **WEIGHTS, tolerance=tolerance),
         )
 
-    def in_place_of_redesigned(self, plan: invtrack.NominalTrajectory) -> Plans:
+    def in_place_of_redesigned(self, plan: invtrack.Plan) -> Plans:
         """Exact inversion beside another redesign."""
         return replace(self, redesigned=plan)
 
@@ -88,8 +88,8 @@ def run(
     plant: invtrack.Plant, controller: Any, name: str, timestep: float, *, after: float = AFTER, **settings: Any
 ) -> invtrack.RunResult:
     """One case, until `after` [s] after the slew. Raises InvtrackError where it diverges."""
-    stop = controller.nominal.support[1] + after
-    result = invtrack.simulate(plant, controller, timestep=timestep, stop=stop, name=name, **settings)
+    end = controller.plan.manoeuvre[1] + after
+    result = invtrack.simulate(plant, controller, timestep=timestep, end=end, name=name, **settings)
     if result.status == "diverged":
         raise invtrack.InvtrackError(f"case {name!r} diverged ({result.message}); take a smaller --timestep")
     return result

@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from two_disc.rig import Q_TWIST, Q_Y, SHOWN, SLEW, TOLERANCE, TWIST, TWIST_WEIGHT, R, slew
 
 import invtrack
-from invtrack.figures.trade_off import trade_off_figure
-from invtrack.runs.table import Column, print_table
+from invtrack.figures.trade_off_figure import trade_off_figure
+from invtrack.studies.table import Column, print_table
 
 # q_x, and the values of q_y: with the twist free far less weight on the output gives up as much of the motion.
 FAMILIES: dict[str, tuple[float, tuple[float, ...]]] = {

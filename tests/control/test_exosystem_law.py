@@ -8,23 +8,23 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from invtrack.control.exosystem_law import ExosystemController
+from invtrack.control.exosystem_controller import ExosystemController
 from invtrack.control.gains import GainSchedule, place
 from invtrack.control.observer import KalmanFilter, LuenbergerObserver
 from invtrack.control.protocol import Instants
-from invtrack.control.tracking import TrackingController
+from invtrack.control.tracking_controller import TrackingController
 from invtrack.errors import ControlError
-from invtrack.evaluation.metrics import max_error
-from invtrack.inversion.exosystem_map import exosystem_map
-from invtrack.inversion.francis_map import switched_francis
-from invtrack.inversion.stable import invert
-from invtrack.lti.state_space import Measurement, OperatingPoint, StateSpace
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.runs.result import RunResult
-from invtrack.signals.exosystem import exosystem
-from invtrack.signals.nominal import NominalTrajectory
-from invtrack.signals.profiles import versine
-from invtrack.signals.regulation import RegulationMap
+from invtrack.inversion.exact import invert
+from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.plan import Plan
+from invtrack.references.exosystem import exosystem
+from invtrack.references.profiles import raised_cosine
+from invtrack.regulation.exosystem_map import exosystem_map
+from invtrack.regulation.francis_map import switched_francis
+from invtrack.regulation.regulation_map import RegulationMap
+from invtrack.results.metrics import max_error
+from invtrack.results.result import RunResult
 from invtrack.simulation.closed_loop import simulate
 from invtrack.simulation.linear_plant import LinearPlant
 from tests.cited_plants import CANTILEVER_TIP_MASSES, cantilever_paper
@@ -54,17 +54,17 @@ def exact() -> RegulationMap:
 
 
 @pytest.fixture(scope="module")
-def plan(exact: RegulationMap) -> NominalTrajectory:
-    return exact.nominal(X_E)
+def plan(exact: RegulationMap) -> Plan:
+    return exact.plan(X_E)
 
 
 def controller(regulation: RegulationMap, **options: Any) -> ExosystemController:
     return ExosystemController(regulation, GAINS, exosystem_state=X_E, **options)
 
 
-def drive(law: Any, *, start: float = 0.0, stop: float = 9.0, timestep: float = 0.01, **options: Any) -> RunResult:
-    options.setdefault("initial_state", law.nominal(start).x[0])
-    return simulate(LinearPlant(MODEL), law, start=start, stop=stop, timestep=timestep, **options)
+def drive(law: Any, *, start: float = 0.0, end: float = 9.0, timestep: float = 0.01, **options: Any) -> RunResult:
+    options.setdefault("initial_state", law.plan(start).x[0])
+    return simulate(LinearPlant(MODEL), law, start=start, end=end, timestep=timestep, **options)
 
 
 def straddling() -> Instants:
@@ -77,7 +77,7 @@ def straddling() -> Instants:
     return Instants(time, np.full(6, 0.1), middle[first], first, middle, middle, lengths / 0.1)
 
 
-def test_with_the_exosystem_known_it_is_tracking_of_the_plan(exact: RegulationMap, plan: NominalTrajectory) -> None:
+def test_with_the_exosystem_known_it_is_tracking_of_the_plan(exact: RegulationMap, plan: Plan) -> None:
     asked, rng = straddling(), np.random.default_rng(0)
     law, tracking = controller(exact).begin(asked), TrackingController(plan, GAINS).begin(asked)
     for i in range(len(asked.time)):
@@ -87,10 +87,10 @@ def test_with_the_exosystem_known_it_is_tracking_of_the_plan(exact: RegulationMa
 
 def test_a_whole_run_is_that_of_tracking_the_inverse(exact: RegulationMap) -> None:
     """The inverse of the same reference, found without any map; also with the law evaluated at every stage."""
-    tracking = TrackingController(invert(MODEL, versine()), GAINS)
-    for hold in ("midpoint", "continuous"):
-        ours = drive(controller(exact), start=-5.0, hold=hold, timestep=0.02)
-        theirs = drive(tracking, start=-5.0, hold=hold, timestep=0.02)
+    tracking = TrackingController(invert(MODEL, raised_cosine(2.0)), GAINS)
+    for evaluate in ("held", "stages"):
+        ours = drive(controller(exact), start=-5.0, evaluate=evaluate, timestep=0.02)
+        theirs = drive(tracking, start=-5.0, evaluate=evaluate, timestep=0.02)
         np.testing.assert_allclose(
             ours.commanded.values, theirs.commanded.values, atol=1e-6 * np.abs(theirs.commanded.values).max()
         )
@@ -108,9 +108,9 @@ def test_against_direct_evaluation_with_an_estimate(exact: RegulationMap) -> Non
         x, u = rng.normal(size=6), np.zeros(1)
         for j in np.flatnonzero(asked.part_owner == i):
             at = asked.part_middle[j]
-            u += asked.part_share[j] * (exact.F([at])[0] @ WANTED.transition(t, at) @ x_e[i])
+            u += asked.part_share[j] * (exact.u_map([at])[0] @ WANTED.transition(t, at) @ x_e[i])
         K = GAINS.gains[int(GAINS.interval(asked.inside[i]))]
-        u -= K @ (x - exact.G([t], inside=[asked.inside[i]])[0] @ x_e[i])
+        u -= K @ (x - exact.x_map([t], inside=[asked.inside[i]])[0] @ x_e[i])
         assert law.update(i, x) == pytest.approx(u, rel=1e-9, abs=1e-9)
 
 
@@ -134,7 +134,7 @@ def test_plant_and_estimate_are_a_cascade() -> None:
     system, h = MODEL.systems[0], 0.01
     constant = switched_francis(system, exosystem(A_E, C_E, start=0.0, end=30.0))
     law = ExosystemController(constant, GAINS.gains[0], exosystem_state=X_E, exosystem_observer=LuenbergerObserver(OBSERVER_POLES))
-    run = simulate(LinearPlant(system), law, start=0.0, stop=10.0, timestep=h, initial_state=np.full(6, 0.1))
+    run = simulate(LinearPlant(system), law, start=0.0, end=10.0, timestep=h, initial_state=np.full(6, 0.1))
     block = scipy.linalg.expm(np.block([[system.A, system.B], [np.zeros((1, 7))]]) * h)[:6]
     closed = np.linalg.eigvals(block[:, :6] - block[:, 6:] @ GAINS.gains[0])
     count = np.arange(len(run.time))
@@ -169,10 +169,10 @@ def test_unknown_before_the_start_means_no_preactuation(exact: RegulationMap) ->
     assert max_error(run) > 0.1
 
 
-def test_switched_francis_is_exact_until_the_first_jump(exact: RegulationMap, plan: NominalTrajectory) -> None:
+def test_switched_francis_is_exact_until_the_first_jump(exact: RegulationMap, plan: Plan) -> None:
     francis = switched_francis(MODEL, WANTED)
-    x_0 = francis.G([0.0], inside=[0.1])[0] @ X_E
-    run = drive(controller(francis, nominal=plan), initial_state=x_0, timestep=2e-3)
+    x_0 = francis.x_map([0.0], inside=[0.1])[0] @ X_E
+    run = drive(controller(francis, plan=plan), initial_state=x_0, timestep=2e-3)
     error = np.abs(run.error[:, 0])
     before, after = run.time < JUMPS[0], run.time > JUMPS[0]
     assert error[before].max() < 1e-6
@@ -187,7 +187,7 @@ def test_a_state_estimated_without_error_is_as_good_as_measured(
 ) -> None:
     """Separation: a start in G x_hat_e is where the estimator starts too, and then no correction of x_hat_e misleads it."""
     sensed = controller(exact, state_observer=KalmanFilter(0.02, 1e-3), period=period, **observers)
-    rest = np.zeros(6) if observers else exact.nominal(X_E)(-2.0).x[0]
+    rest = np.zeros(6) if observers else exact.plan(X_E)(-2.0).x[0]
     measured = drive(controller(exact, period=period, **observers), start=-2.0, initial_state=rest)
     estimated = drive(sensed, start=-2.0, initial_state=rest)
     np.testing.assert_allclose(
@@ -219,10 +219,10 @@ def test_an_exosystem_that_runs_for_ever_is_followed_through_the_jumps() -> None
     estimated = ExosystemController(
         forever, GAINS, exosystem_state=X_E, at=0.25, exosystem_observer=LuenbergerObserver(OBSERVER_POLES)
     )
-    run = drive(known, start=-10.0, stop=20.0)
+    run = drive(known, start=-10.0, end=20.0)
     np.testing.assert_allclose(run.reference["y1"], 1 - np.cos(run.time - 0.25), atol=1e-9)
     assert max_error(run) < 1e-4
-    late = drive(estimated, start=-100.0, stop=20.0)
+    late = drive(estimated, start=-100.0, end=20.0)
     assert np.abs(late.error[late.time > -20]).max() < 1e-3
 
 
@@ -236,10 +236,10 @@ def test_what_the_loop_is_told(exact: RegulationMap) -> None:
 
 
 def test_what_does_not_fit_is_refused(exact: RegulationMap) -> None:
-    with pytest.raises(ControlError, match=r"expected a RegulationMap, such as exosystem_map\(...\), got NominalTrajectory"):
-        ExosystemController(exact.nominal(X_E), GAINS, exosystem_state=X_E)  # type: ignore[arg-type]
-    with pytest.raises(ControlError, match=r"wanted output is 1 away .* make `nominal` for"):
-        controller(exact, nominal=exact.nominal(1.5 * X_E))
+    with pytest.raises(ControlError, match=r"expected a RegulationMap, such as exosystem_map\(...\), got Plan"):
+        ExosystemController(exact.plan(X_E), GAINS, exosystem_state=X_E)  # type: ignore[arg-type]
+    with pytest.raises(ControlError, match=r"wanted output is 1 away .* make `plan` for"):
+        controller(exact, plan=exact.plan(1.5 * X_E))
     with pytest.raises(ControlError, match="give an exosystem_observer"):
         controller(exact, initial_estimate=X_E)
     with pytest.raises(ControlError, match="give an exosystem_observer"):
@@ -250,7 +250,7 @@ def test_what_does_not_fit_is_refused(exact: RegulationMap) -> None:
         controller(exact, exosystem_observer=LuenbergerObserver(OBSERVER_POLES), initial_estimate=[1.0, 2.0])
     named = [StateSpace(s.A, s.B, s.C, state_names=list("abcdef")) for s in MODEL.systems]
     with pytest.raises(ControlError, match=r"the map has state_names \['x1', .*the plan \['a', "):
-        controller(exact, nominal=invert(SwitchedSystem(named, JUMPS), versine()))
+        controller(exact, plan=invert(SwitchedSystem(named, JUMPS), raised_cosine(2.0)))
 
 
 def test_an_exosystem_that_hides_a_state_cannot_be_estimated() -> None:

@@ -9,18 +9,17 @@ from invtrack.control.exosystem_observer import ExosystemObserver, states_within
 from invtrack.control.observer import KalmanFilter, LuenbergerObserver
 from invtrack.control.protocol import Instants
 from invtrack.errors import ControlError
-from invtrack.signals.exosystem import Exosystem, exosystem
-from invtrack.signals.exosystem_families import polynomial_exosystem, sinusoidal_exosystem, step_exosystem
+from invtrack.references.exosystem import Exosystem, exosystem, polynomial_exosystem, sinusoidal_exosystem, step_exosystem
 
 PAPER_A = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]])
 PAPER_C = np.array([[0.0, 0, 0, 1]])
 POLES = (-3.0 + 1.0j, -3.0 - 1.0j, -4.0, -5.0)
 
 
-def even(start: float, stop: float, count: int, breakpoints: tuple[float, ...] = ()) -> Instants:
+def even(start: float, end: float, count: int, breakpoints: tuple[float, ...] = ()) -> Instants:
     """Instants at even distances whose holds come in two parts, cut in the middle, or at a breakpoint that lies within."""
-    time = np.linspace(start, stop, count, endpoint=False)
-    hold = np.full(count, (stop - start) / count)
+    time = np.linspace(start, end, count, endpoint=False)
+    hold = np.full(count, (end - start) / count)
     cut = time + hold / 2
     for t in breakpoints:
         within = (time < t) & (t < time + hold)

@@ -10,10 +10,10 @@ import scipy.linalg
 
 from invtrack.control.gains import GainSchedule, lqr, place
 from invtrack.errors import ControlError
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.switched import SwitchedSystem
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem
 from tests.cited_plants import CANTILEVER_TIP_MASSES, cantilever_paper
-from tests.lti.random_plants import assert_same_set
+from tests.linear.random_plants import assert_same_set
 
 SYSTEMS = [StateSpace(*cantilever_paper(m)) for m in CANTILEVER_TIP_MASSES]
 SWITCHED = SwitchedSystem(SYSTEMS, [np.pi / 2, 3 * np.pi / 2])

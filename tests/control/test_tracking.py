@@ -9,21 +9,21 @@ import pytest
 
 from invtrack.control.gains import GainSchedule, lqr
 from invtrack.control.protocol import Instants
-from invtrack.control.tracking import TrackingController
+from invtrack.control.tracking_controller import TrackingController
 from invtrack.errors import ControlError
-from invtrack.inversion.stable import invert
-from invtrack.lti.state_space import OperatingPoint, StateSpace
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.signals.nominal import NominalTrajectory
-from invtrack.signals.profiles import constant, versine
+from invtrack.inversion.exact import invert
+from invtrack.linear.state_space import OperatingPoint, StateSpace
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.plan import Plan
+from invtrack.references.profiles import constant, raised_cosine
 from tests.cited_plants import cantilever_paper
 
 LIGHT, HEAVY = StateSpace(*cantilever_paper(0.0)), StateSpace(*cantilever_paper(100.0))
 
 
 @pytest.fixture(scope="module")
-def plan() -> NominalTrajectory:
-    return invert(SwitchedSystem([LIGHT, HEAVY], [2.0]), versine())
+def plan() -> Plan:
+    return invert(SwitchedSystem([LIGHT, HEAVY], [2.0]), raised_cosine(2.0))
 
 
 def instants(edges: list[float], hold: float) -> Instants:
@@ -39,7 +39,7 @@ def undivided(time: np.ndarray, hold: float, inside: np.ndarray) -> Instants:
     return Instants(time, np.full(m, hold), inside, np.arange(m), time + hold / 2, inside, np.ones(m))
 
 
-def test_against_direct_evaluation_with_gains_that_switch_at_other_times(plan: NominalTrajectory) -> None:
+def test_against_direct_evaluation_with_gains_that_switch_at_other_times(plan: Plan) -> None:
     gains = GainSchedule((np.full((1, 6), 2.0), np.arange(6.0)[None]), np.array([4.0]))
     controller = TrackingController(plan, gains)
     assert controller.breakpoints == pytest.approx(np.array([0.0, 2.0, 4.0, 2 * np.pi]))
@@ -54,7 +54,7 @@ def test_against_direct_evaluation_with_gains_that_switch_at_other_times(plan: N
         assert law.update(i, x) == pytest.approx(u_ff - K @ (x - x_ref), rel=1e-12, abs=1e-9)
 
 
-def test_limits_from_both_sides_of_a_jump(plan: NominalTrajectory) -> None:
+def test_limits_from_both_sides_of_a_jump(plan: Plan) -> None:
     """At the plan's jump the feedforward has two values, at the gains' jump the gain has."""
     K = lqr(plan.model, Q=1.0, R=1.0)
     law = TrackingController(plan, K).begin(undivided(np.array([2.0, 2.0]), 0.0, np.array([1.9, 2.1])))
@@ -68,7 +68,7 @@ def test_limits_from_both_sides_of_a_jump(plan: NominalTrajectory) -> None:
     assert law.update(1, x + push)[0] - right == pytest.approx(-K.gains[1][0, 1], rel=1e-9)
 
 
-def test_on_the_plan_feedback_does_nothing(plan: NominalTrajectory) -> None:
+def test_on_the_plan_feedback_does_nothing(plan: Plan) -> None:
     times = np.linspace(-5.0, 15.0, 60)
     asked = undivided(times, 0.0, times)
     feedback = TrackingController(plan, np.full((1, 6), 50.0)).begin(asked)
@@ -86,7 +86,7 @@ def test_input_is_absolute_and_state_a_deviation() -> None:
     assert law.update(0, np.full(6, 0.5)) == pytest.approx([4.0])
 
 
-def test_the_same_controller_serves_any_number_of_runs(plan: NominalTrajectory) -> None:
+def test_the_same_controller_serves_any_number_of_runs(plan: Plan) -> None:
     controller = TrackingController(plan, np.ones((1, 6)))
     asked = instants([0.0, 2.0], hold=0.01)
     first, second = controller.begin(asked), controller.begin(asked)
@@ -94,10 +94,10 @@ def test_the_same_controller_serves_any_number_of_runs(plan: NominalTrajectory) 
     assert np.array_equal(first.update(1, x), second.update(1, x))
     assert np.array_equal(first.update(1, x), first.update(1, x))
     assert controller.stateless
-    assert controller.nominal is plan
+    assert controller.plan is plan
 
 
-def test_a_hold_across_a_jump_takes_the_mean_of_both_sides(plan: NominalTrajectory) -> None:
+def test_a_hold_across_a_jump_takes_the_mean_of_both_sides(plan: Plan) -> None:
     """Held from 1.9 to 2.3 over the jump at 2: a quarter of the time before it, three quarters after it."""
     asked = Instants(
         time=np.array([1.9]),
@@ -116,12 +116,12 @@ def test_a_hold_across_a_jump_takes_the_mean_of_both_sides(plan: NominalTrajecto
 
 
 @pytest.mark.parametrize("period", [0.0, -1.0, np.nan, np.inf])
-def test_a_period_that_is_no_time_is_refused(plan: NominalTrajectory, period: float) -> None:
+def test_a_period_that_is_no_time_is_refused(plan: Plan, period: float) -> None:
     with pytest.raises(ControlError, match="period must be a positive number of seconds"):
         TrackingController(plan, period=period)
 
 
 @pytest.mark.parametrize("gain", [np.zeros((1, 5)), np.zeros((2, 6)), np.zeros(6)])
-def test_a_gain_that_does_not_fit_is_refused(plan: NominalTrajectory, gain: np.ndarray) -> None:
+def test_a_gain_that_does_not_fit_is_refused(plan: Plan, gain: np.ndarray) -> None:
     with pytest.raises(ControlError, match=r"gains have shape .*, expected \(1, 6\)"):
         TrackingController(plan, gain)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from invtrack.errors import InvtrackError
 from invtrack.figures.around import around_figure
-from invtrack.runs.result import RunResult
+from invtrack.results.result import RunResult
 from tests.synthetic_runs import JUMP, TwoModes, two_mode_run
 
 TIMES = {"start": 0.0, "jump": JUMP}

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from invtrack.errors import InvtrackError
-from invtrack.figures.decay import Decay, decay_figure
+from invtrack.figures.curves import Decay, decay_figure
 
 TIME = np.linspace(1.0, 9.0, 801)
 

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from invtrack.errors import InvtrackError, RecordingError
+from invtrack.errors import FileError, InvtrackError
 from invtrack.figures.comparison import comparison_figure
 from invtrack.figures.panels import envelope, parameter_intervals
-from invtrack.figures.preactuation import preactuation_figure
+from invtrack.figures.preactuation_figure import preactuation_figure
 from invtrack.figures.style import save_figure
-from invtrack.figures.time_series import tracking_figure
-from invtrack.runs.result import RunResult, Signal
+from invtrack.figures.tracking import tracking_figure
+from invtrack.results.result import RunResult, Signal
 from tests.synthetic_runs import JUMP, MANOEUVRE, TwoModes, diverged, two_mode_run
 
 
@@ -101,7 +101,7 @@ def test_png_is_whole_and_at_150_dots_per_inch(run: RunResult, tmp_path: Path) -
     width, height = figure.get_size_inches()
     assert imread(path).shape[:2] == (int(height * 150), int(width * 150))
     assert list(tmp_path.iterdir()) == [path]
-    with pytest.raises(RecordingError, match="cannot write"):
+    with pytest.raises(FileError, match="cannot write"):
         save_figure(figure, tmp_path / "missing" / "preactuation.png")
 
 

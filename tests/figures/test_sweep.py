@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from invtrack.errors import InvtrackError
-from invtrack.figures.sweep import sweep_figure
+from invtrack.figures.curves import sweep_figure
 
 
 def test_each_curve_has_a_line_and_markers_of_one_colour() -> None:

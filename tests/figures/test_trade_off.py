@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from invtrack.errors import InvtrackError
-from invtrack.figures.frequency_response import frequency_response_figure
-from invtrack.figures.overlay import overlay_figure
+from invtrack.figures.comparison import overlay_figure
+from invtrack.figures.curves import frequency_response_figure
 from invtrack.figures.style import save_figure
-from invtrack.figures.trade_off import trade_off_figure
+from invtrack.figures.trade_off_figure import trade_off_figure
 
 ComplexArray = NDArray[np.complex128]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.zero_dynamics import zeros
-from invtrack.signals.profiles import piecewise_polynomial
+from invtrack.linear.internal_dynamics import zeros
+from invtrack.linear.state_space import StateSpace
+from invtrack.references.profiles import piecewise_polynomial
 from tests.cited_plants import HE3_A, HE3_B, HE3_C, TWO_DISC_A, TWO_DISC_B, TWO_DISC_C
 
 HE3 = StateSpace(HE3_A, HE3_B, HE3_C, output_names=["U", "W", "V", "R"])

@@ -7,13 +7,13 @@ import pytest
 
 from invtrack.errors import InversionError, NonHyperbolicError
 from invtrack.inversion.causal import causal_inverse
-from invtrack.inversion.stable import invert
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.lti.zero_dynamics import zeros
-from invtrack.signals.profiles import rest_to_rest
+from invtrack.inversion.exact import invert
+from invtrack.linear.internal_dynamics import zeros
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.references.profiles import rest_to_rest
 from tests.inversion.modified_cases import PASSIVE_TWO_DISC, TWO_DISC
-from tests.lti.random_plants import block, plant_with
+from tests.linear.random_plants import block, plant_with
 
 SLEW = rest_to_rest(0.0, 1.0, 5.0, smoothness=3)
 

@@ -16,11 +16,11 @@ import pytest
 import scipy.signal
 from numpy.polynomial import Polynomial
 
-from invtrack.inversion.stable import invert
-from invtrack.lti.state_space import StateSpace
-from invtrack.signals.nominal import NominalTrajectory
-from invtrack.signals.piecewise import PiecewiseSignal
-from invtrack.signals.profiles import piecewise_polynomial, rest_to_rest
+from invtrack.inversion.exact import invert
+from invtrack.linear.state_space import StateSpace
+from invtrack.plans.plan import Plan
+from invtrack.references.profiles import piecewise_polynomial, rest_to_rest
+from invtrack.references.signal import PiecewiseSignal
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(40)
 BUMP = 50 * Polynomial([0.0, 1.0]) ** 5 * Polynomial([2.0, -1.0]) ** 4  # on [0, 2], zero outside
@@ -73,14 +73,14 @@ def quadrature(f: Callable[[np.ndarray], np.ndarray], a: float, b: float) -> com
     return complex(np.sum(f((edges[1:] + edges[:-1])[:, None] / 2 + half * NODES) * WEIGHTS * half))
 
 
-def plan_for(name: str, reference: PiecewiseSignal) -> NominalTrajectory:
+def tune_modified_inversion(name: str, reference: PiecewiseSignal) -> Plan:
     A, B, C, D = scipy.signal.tf2ss(*PLANTS[name])
     return invert(StateSpace(A, B, C, D), reference)
 
 
 @pytest.mark.parametrize("name", PLANTS)
 def test_pulse(name: str) -> None:
-    plan = plan_for(name, piecewise_polynomial([0.0, 2.0], [BUMP.coef]))
+    plan = tune_modified_inversion(name, piecewise_polynomial([0.0, 2.0], [BUMP.coef]))
     expected = [convolution_inverse(*PLANTS[name], BUMP, 2.0, 0.0, t) for t in TIMES]
     assert plan(TIMES).u[:, 0] == pytest.approx(np.array(expected), abs=1e-10 * np.max(np.abs(expected)))
 
@@ -90,7 +90,7 @@ def test_motion_to_another_value(name: str) -> None:
     """The minimum-jerk quintic from 0 to 3 in 2 s, held afterwards: the input comes to rest at 3 / G(0)."""
     num, den = PLANTS[name]
     quintic = 3 * Polynomial([0, 0, 0, 10 / 8, -15 / 16, 6 / 32])
-    plan = plan_for(name, rest_to_rest(0.0, 3.0, 2.0))
+    plan = tune_modified_inversion(name, rest_to_rest(0.0, 3.0, 2.0))
     expected = [convolution_inverse(num, den, quintic, 2.0, 3.0, t) for t in TIMES]
     assert plan(TIMES).u[:, 0] == pytest.approx(np.array(expected), abs=1e-10 * np.max(np.abs(expected)))
     assert plan(1e3).u[0, 0] == pytest.approx(3 * np.polyval(den, 0.0) / np.polyval(num, 0.0), rel=1e-10)
@@ -100,7 +100,7 @@ def test_motion_to_another_value(name: str) -> None:
 def test_motion_from_one_value_to_another(name: str) -> None:
     """Relative to the equilibrium of the held output: shifting the reference by y_0 adds y_0 / G(0) to the input, nothing else."""
     num, den = PLANTS[name]
-    from_zero, from_five = (plan_for(name, rest_to_rest(y_0, y_0 + 3.0, 2.0)) for y_0 in (0.0, 5.0))
+    from_zero, from_five = (tune_modified_inversion(name, rest_to_rest(y_0, y_0 + 3.0, 2.0)) for y_0 in (0.0, 5.0))
     gain = np.polyval(num, 0.0) / np.polyval(den, 0.0)
     assert from_five(TIMES).u == pytest.approx(from_zero(TIMES).u + 5 / gain, abs=1e-9)
     rest = from_five([-1e3, -1e4]).x
@@ -110,7 +110,9 @@ def test_motion_from_one_value_to_another(name: str) -> None:
 
 def test_the_impulse_response_of_the_inverse_of_s_minus_1_over_s_plus_2() -> None:
     """delta - 3 e^t for t < 0, nothing after: against polynomials, integral of e^-s s^k over [a, b] in closed form."""
-    plan = plan_for("(s - 1)/(s + 2)", piecewise_polynomial([0.0, 2.0], [[0.0, 1.0]], hold=(0.0, 0.0)))  # a ramp, then 0
+    plan = tune_modified_inversion(
+        "(s - 1)/(s + 2)", piecewise_polynomial([0.0, 2.0], [[0.0, 1.0]], held=(0.0, 0.0))
+    )  # a ramp, then 0
     before, inside = np.linspace(-9.0, -0.1, 20), np.linspace(0.0, 1.99, 20)
     assert plan(before).u[:, 0] == pytest.approx(-3 * np.exp(before) * (1 - 3 * np.exp(-2)), rel=1e-12)
     assert plan(inside).u[:, 0] == pytest.approx(inside - 3 * (1 + inside - 3 * np.exp(inside - 2)), rel=1e-10, abs=1e-12)

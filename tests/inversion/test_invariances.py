@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from invtrack.inversion.stable import invert
-from invtrack.lti.state_space import OperatingPoint, StateSpace
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.signals.nominal import NominalTrajectory
-from invtrack.signals.piecewise import PiecewiseSignal, stack
-from invtrack.signals.profiles import autonomous, constant, rest_to_rest, versine
+from invtrack.inversion.exact import invert
+from invtrack.linear.state_space import OperatingPoint, StateSpace
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.plan import Plan
+from invtrack.references.profiles import autonomous, constant, raised_cosine, rest_to_rest
+from invtrack.references.signal import PiecewiseSignal, stack
 from tests.cited_plants import cantilever_paper
-from tests.lti.random_plants import block, plant_with
+from tests.linear.random_plants import block, plant_with
 
 CANTILEVER = [StateSpace(*cantilever_paper(m)) for m in (0.0, 100.0)]
 CANTILEVER_MODEL = SwitchedSystem(CANTILEVER, [2.0])
@@ -23,7 +23,7 @@ TWO_CHANNELS = SwitchedSystem([FIRST, SECOND], [1.0])
 PAIR = stack([rest_to_rest(0.0, 1.0, 2.0), rest_to_rest(0.5, -1.0, 1.5, start_time=0.2)])
 TIMES = np.concatenate([np.linspace(-15.0, 0.0, 40), np.linspace(0.001, 6.3, 80), np.linspace(6.4, 20.0, 40)])
 
-CASES = {"cantilever": (CANTILEVER_MODEL, versine()), "two channels": (TWO_CHANNELS, PAIR)}
+CASES = {"cantilever": (CANTILEVER_MODEL, raised_cosine(2.0)), "two channels": (TWO_CHANNELS, PAIR)}
 
 
 def mapped(model: SwitchedSystem, change: object) -> SwitchedSystem:
@@ -90,7 +90,7 @@ def test_unit_of_time(unit: float) -> None:
         return StateSpace(s.A / unit, s.B / unit, s.C)
 
     slower = SwitchedSystem([change(s) for s in CANTILEVER], [2.0 * unit])
-    plan, plain = invert(slower, versine(period=2 * np.pi * unit)), invert(CANTILEVER_MODEL, versine())
+    plan, plain = invert(slower, raised_cosine(2.0, period=2 * np.pi * unit)), invert(CANTILEVER_MODEL, raised_cosine(2.0))
     assert_close(plan(TIMES * unit).x, plain(TIMES).x)
     assert_close(plan(TIMES * unit).u, plain(TIMES).u)
     assert plan.certificate.dynamics_residual < 1e-10
@@ -128,7 +128,7 @@ def test_operating_point() -> None:
 
 def test_held_outputs_leave_the_state_at_their_equilibrium() -> None:
     """Before and after, A x + B u = 0 and C x = y: the preactuation starts from the equilibrium of y_0, not from zero."""
-    plan: NominalTrajectory = invert(FIRST, PAIR)
+    plan: Plan = invert(FIRST, PAIR)
     for t, y in ((-200.0, [0.0, 0.5]), (200.0, [1.0, -1.0])):
         at = plan(t)
         assert FIRST.A @ at.x[0] + FIRST.B @ at.u[0] == pytest.approx(np.zeros(6), abs=1e-10)

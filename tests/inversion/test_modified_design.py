@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from invtrack.inversion.modification.design_problem import DesignProblem
-from invtrack.inversion.modification.trajectory import ModifiedTrajectory
-from invtrack.inversion.modified import modified_inversion
-from invtrack.lti.normal_form import normal_form
-from invtrack.lti.state_space import StateSpace
-from invtrack.signals.piecewise import stack
-from invtrack.signals.profiles import rest_to_rest
+from invtrack.inversion.modified.design_problem import DesignProblem
+from invtrack.inversion.modified.modified_inversion import modified_inversion
+from invtrack.inversion.modified.modified_plan import ModifiedTrajectory
+from invtrack.linear.normal_form import normal_form
+from invtrack.linear.state_space import StateSpace
+from invtrack.references.profiles import rest_to_rest
+from invtrack.references.signal import stack
 from tests.inversion.modified_cases import HE3, HE3_POLES, HOVER, PASSIVE_TWO_DISC, TWO_DISC, moved_pair
-from tests.lti.random_plants import block, plant_with, rotation
+from tests.linear.random_plants import block, plant_with, rotation
 
 SLEW = rest_to_rest(0.0, 1.0, 5.0, smoothness=3)
 
@@ -26,13 +26,13 @@ def integral_square(plan: ModifiedTrajectory, start: float, end: float) -> float
 
 def test_several_choices_are_compared_and_the_best_kept() -> None:
     _, move = moved_pair(2.0)
-    plan = modified_inversion(HE3, HOVER, move=move, chain_poles=HE3_POLES)
+    plan = modified_inversion(HE3, HOVER, move=move, error_poles=HE3_POLES)
     sizes = {candidate.name: candidate.integral_square_error for candidate in plan.candidates}
     assert set(sizes) == {f"{way}{L}" for way in ("robust placement", "optimized directions") for L in ("", " with L")}
     assert sizes[plan.design] == min(sizes.values())
     assert sizes["optimized directions with L"] < 0.7 * sizes["robust placement with L"] < 0.4 * sizes["robust placement"]
     assert integral_square(plan, -10.0, 30.0) == pytest.approx(sizes[plan.design], rel=1e-3)
-    robust = modified_inversion(HE3, HOVER, move=move, chain_poles=HE3_POLES, design="robust")
+    robust = modified_inversion(HE3, HOVER, move=move, error_poles=HE3_POLES, design="robust")
     assert integral_square(robust, -10.0, 30.0) == pytest.approx(sizes["robust placement"], rel=1e-3)
     assert "optimized directions with L was taken" in plan.remarks[-1]
     np.testing.assert_array_equal(robust.modification[0].L, 0.0)
@@ -41,7 +41,7 @@ def test_several_choices_are_compared_and_the_best_kept() -> None:
 def test_a_choice_that_rounding_spoils_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     accurate = iter([False, True])
     monkeypatch.setattr(DesignProblem, "is_accurate", lambda problem, solution: next(accurate))
-    plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=1.0, chain_poles=[-1.0, -2.0])
+    plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=1.0, error_poles=[-1.0, -2.0])
     assert plan.design == "placement"
     assert plan.candidates[1].integral_square_error < plan.candidates[0].integral_square_error
     assert plan.remarks[-1].endswith("placement was taken, since those with less are too ill-conditioned")
@@ -49,8 +49,8 @@ def test_a_choice_that_rounding_spoils_is_passed_over(monkeypatch: pytest.Monkey
 
 def test_feedforward_is_the_best_for_this_reference() -> None:
     """The error is orthogonal to what any other L would add, so it grows whichever way the reference's scale is divided."""
-    plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=1.0, chain_poles=[-1.0, -2.0])
-    plain = modified_inversion(TWO_DISC, SLEW, within=0.5, to=1.0, chain_poles=[-1.0, -2.0], design="robust")
+    plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=1.0, error_poles=[-1.0, -2.0])
+    plain = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=1.0, error_poles=[-1.0, -2.0], design="robust")
     t = np.linspace(-12.0, 30.0, 20_001)
     best, change = plan.tracking_error(t)[:, 0], (plain.tracking_error(t) - plan.tracking_error(t))[:, 0]
     product = scipy.integrate.simpson(best * change, x=t)
@@ -61,7 +61,7 @@ def test_feedforward_is_the_best_for_this_reference() -> None:
 def test_feedforward_acts_on_derivatives_alone() -> None:
     plant = plant_with(np.random.default_rng(2), (1, 2), block(0.1 + 2j, -0.7))
     reference = stack([rest_to_rest(0.0, 1.0, 3.0, smoothness=3), rest_to_rest(0.0, 2.0, 2.0, smoothness=3)])
-    plan = modified_inversion(plant, reference, within=0.2, to=1.0, chain_poles=[-1.0, -2.0, -3.0])
+    plan = modified_inversion(plant, reference, axis_distance=0.2, real_part=1.0, error_poles=[-1.0, -2.0, -3.0])
     L = plan.modification[0].L
     assert L.shape == (2, 3 + 2)
     np.testing.assert_array_equal(L[:, [0, 1]], 0.0)  # the columns of y_1 and y_2 themselves
@@ -75,9 +75,9 @@ def test_references_that_are_nearly_the_same_share_their_terms() -> None:
         modified_inversion(
             plant,
             stack([SLEW, rest_to_rest(0.0, 1.0, duration, smoothness=3)]),
-            within=0.2,
-            to=1.0,
-            chain_poles=[-1.0, -2.0, -3.0],
+            axis_distance=0.2,
+            real_part=1.0,
+            error_poles=[-1.0, -2.0, -3.0],
         )
         for duration in (5.0, 5.001)
     )
@@ -88,9 +88,9 @@ def test_references_that_are_nearly_the_same_share_their_terms() -> None:
 
 def test_output_scale_weighs_the_outputs() -> None:
     _, move = moved_pair(2.0)
-    even = modified_inversion(HE3, HOVER, move=move, chain_poles=HE3_POLES)
+    even = modified_inversion(HE3, HOVER, move=move, error_poles=HE3_POLES)
     np.testing.assert_allclose(even.output_scale, 0.375, rtol=1e-9)  # the peak of W and V, given to U and R too
-    strict = modified_inversion(HE3, HOVER, move=move, chain_poles=HE3_POLES, output_scale=[0.375, 0.375, 0.0375, 0.375])
+    strict = modified_inversion(HE3, HOVER, move=move, error_poles=HE3_POLES, output_scale=[0.375, 0.375, 0.0375, 0.375])
     assert strict.max_error[2] < 0.5 * even.max_error[2]
 
 
@@ -100,8 +100,8 @@ def test_units_of_inputs_outputs_and_states_do_not_matter() -> None:
     inputs, outputs = np.array([1e3, 1.0, 1e-4, 10.0]), np.array([1e-3, 57.3, 1e4, 1.0])
     rng = np.random.default_rng(1)
     other = StateSpace(HE3.A, HE3.B / inputs, outputs[:, None] * HE3.C).transformed(rotation(rng, 8))
-    plain = modified_inversion(HE3, HOVER, move=move, chain_poles=HE3_POLES, output_scale=0.4)
-    scaled = modified_inversion(other, HOVER.scaled(np.diag(outputs)), move=move, chain_poles=HE3_POLES, output_scale=0.4 * outputs)
+    plain = modified_inversion(HE3, HOVER, move=move, error_poles=HE3_POLES, output_scale=0.4)
+    scaled = modified_inversion(other, HOVER.scaled(np.diag(outputs)), move=move, error_poles=HE3_POLES, output_scale=0.4 * outputs)
     t = np.linspace(-2.0, 12.0, 200)
     np.testing.assert_allclose(scaled.tracking_error(t) / outputs, plain.tracking_error(t), atol=2e-2 * np.max(plain.max_error))
     sizes = [min(c.integral_square_error for c in plan.candidates) for plan in (plain, scaled)]
@@ -110,7 +110,7 @@ def test_units_of_inputs_outputs_and_states_do_not_matter() -> None:
 
 def test_passive_rig_is_made_invertible() -> None:
     for to in (1.0, -1.0):
-        plan = modified_inversion(PASSIVE_TWO_DISC, SLEW, within=0.1, to=to, chain_poles=[-1.0, -2.0])
+        plan = modified_inversion(PASSIVE_TWO_DISC, SLEW, axis_distance=0.1, real_part=to, error_poles=[-1.0, -2.0])
         assert plan.certificate.dynamics_residual < 1e-12
         assert np.max(np.abs(plan.tracking_error([-80.0, 80.0]))) < 1e-12
         assert plan.max_error[0] < 0.01
@@ -118,7 +118,7 @@ def test_passive_rig_is_made_invertible() -> None:
 
 def test_law_is_the_one_documented() -> None:
     """B_y u = y_d^(r) - A_x x + F [e; eta - eta_eq] + L [zeta_d; y_d^(r)] at every time; eta_eq by its own equilibrium equation."""
-    plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=1.0, chain_poles=[-1.0, -2.0])
+    plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=1.0, error_poles=[-1.0, -2.0])
     form, change = normal_form(TWO_DISC), plan.modification[0]
     t = np.linspace(-2.0, 9.0, 40)
     y = np.stack([SLEW(t, derivative=k)[:, 0] for k in range(3)], axis=1)
@@ -134,5 +134,5 @@ def test_law_is_the_one_documented() -> None:
 
 
 def test_modification_prints_what_was_moved() -> None:
-    plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=1.0, chain_poles=[-1.0, -2.0])
+    plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=1.0, error_poles=[-1.0, -2.0])
     assert str(plan.modification[0]) == "interval 0: zeros moved: 0.22+-4.75j to 1+-4.75j; alpha = 1 rad/s"

@@ -9,18 +9,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
-from invtrack.inversion.modified import modified_inversion
-from invtrack.inversion.stable import invert
-from invtrack.lti.normal_form import normal_form
-from invtrack.lti.state_space import OperatingPoint, StateSpace
-from invtrack.lti.zero_dynamics import zeros
-from invtrack.signals.nominal import NominalTrajectory
-from invtrack.signals.piecewise import stack
-from invtrack.signals.preactuation import preactuation_at, preactuation_bound
-from invtrack.signals.profiles import constant, rest_to_rest
+from invtrack.inversion.exact import invert
+from invtrack.inversion.modified.modified_inversion import modified_inversion
+from invtrack.linear.internal_dynamics import zeros
+from invtrack.linear.normal_form import normal_form
+from invtrack.linear.state_space import OperatingPoint, StateSpace
+from invtrack.plans.plan import Plan
+from invtrack.plans.preactuation import plan_preactuation_time, preactuation_bound
+from invtrack.references.profiles import constant, rest_to_rest
+from invtrack.references.signal import stack
 from tests.cited_plants import HE3_A, HE3_B, HE3_C, TWO_DISC_A, TWO_DISC_B, TWO_DISC_C
 from tests.inversion.modified_cases import HE3, HE3_POLES, HOVER, TWO_DISC, moved_pair
-from tests.lti.random_plants import assert_same_set, block, pencil_zeros, plant_with, rotation
+from tests.linear.random_plants import assert_same_set, block, pencil_zeros, plant_with, rotation
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(60)
 SLEW = rest_to_rest(0.0, 1.0, 5.0, smoothness=3)
@@ -44,7 +44,7 @@ def test_hover_zeros_are_those_of_the_pencil() -> None:
 @pytest.mark.parametrize("design", ["robust", "least error"])
 def test_hover_pair_is_moved_and_nothing_else(design: str) -> None:
     pair, move = moved_pair(2.0)
-    plan = modified_inversion(HE3, HOVER, move=move, chain_poles=HE3_POLES, design=design)  # type: ignore[arg-type]
+    plan = modified_inversion(HE3, HOVER, move=move, error_poles=HE3_POLES, design=design)  # type: ignore[arg-type]
     form = normal_form(HE3)
     T = np.vstack([form.C_star, form.N])
     found = modified_poles(HE3_A, HE3_B, HE3_C, (1, 1, 1, 1), plan.modification[0].F, T)
@@ -58,10 +58,10 @@ def test_hover_pair_is_moved_and_nothing_else(design: str) -> None:
 
 def test_hover_trades_preactuation_for_error() -> None:
     _, move = moved_pair(2.0)
-    exact, plan = invert(HE3, HOVER), modified_inversion(HE3, HOVER, move=move, chain_poles=HE3_POLES)
+    exact, plan = invert(HE3, HOVER), modified_inversion(HE3, HOVER, move=move, error_poles=HE3_POLES)
     # 1 % of the peak: ln(100) / 0.0465 = 99 s and ln(100) / 2 = 2.3 s, up to the size at the start.
-    assert preactuation_at(exact) == pytest.approx(99.0, rel=0.05)
-    assert preactuation_at(plan) < 3.0
+    assert plan_preactuation_time(exact) == pytest.approx(99.0, rel=0.05)
+    assert plan_preactuation_time(plan) < 3.0
     assert 1e-3 < plan.relative_error < 0.06
     assert np.max(np.abs(plan.tracking_error(np.linspace(-2.0, -0.01, 100)))) > 1e-4  # before t = 0 too
 
@@ -95,7 +95,7 @@ def error_by_hand(r: int, offending: np.ndarray, poles: np.ndarray, t: float) ->
 
 @pytest.mark.parametrize("to", [1.0, -1.5])
 def test_error_is_that_of_the_transfer_function(to: float) -> None:
-    plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=to, chain_poles=[-1.0, -2.0], design="robust")
+    plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=to, error_poles=[-1.0, -2.0], design="robust")
     offending = pencil_zeros(TWO_DISC_A, TWO_DISC_B, TWO_DISC_C, np.zeros((1, 1)))
     poles = np.concatenate([to + 1j * offending.imag, [-1.0, -2.0]])
     times = np.array([-2.0, -0.4, 0.3, 1.7, 3.3, 4.9, 5.6, 8.0])
@@ -107,13 +107,13 @@ def test_error_is_that_of_the_transfer_function(to: float) -> None:
 @pytest.mark.parametrize("design", ["robust", "least error"])
 @pytest.mark.parametrize("to", [1.0, -1.0])
 def test_output_comes_to_rest_on_its_target(design: str, to: float) -> None:
-    plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=to, chain_poles=[-1.0, -2.0], design=design)  # type: ignore[arg-type]
+    plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=to, error_poles=[-1.0, -2.0], design=design)  # type: ignore[arg-type]
     assert np.max(np.abs(plan.tracking_error([-80.0, 80.0]))) < 1e-12
     assert plan.max_error[0] > 1e-4
 
 
 def test_largest_error_is_found() -> None:
-    plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=1.0, chain_poles=[-1.0, -2.0])
+    plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=1.0, error_poles=[-1.0, -2.0])
     t = np.linspace(-20.0, 40.0, 40_001)
     errors = np.abs(plan.tracking_error(t))[:, 0]
     assert plan.max_error[0] == pytest.approx(errors.max(), rel=1e-3)
@@ -122,7 +122,7 @@ def test_largest_error_is_found() -> None:
 
 
 def test_chains_alone_leave_the_exact_inverse() -> None:
-    plan, exact = (modified_inversion(TWO_DISC, SLEW, move={}, chain_poles=[-1.0, -2.0]), invert(TWO_DISC, SLEW))
+    plan, exact = (modified_inversion(TWO_DISC, SLEW, move={}, error_poles=[-1.0, -2.0]), invert(TWO_DISC, SLEW))
     t = np.linspace(-30.0, 30.0, 301)
     np.testing.assert_allclose(plan(t).u, exact(t).u, atol=1e-10)
     np.testing.assert_allclose(plan(t).x, exact(t).x, atol=1e-10)
@@ -134,14 +134,16 @@ def test_a_small_move_costs_little() -> None:
     """The error goes to zero with the distance that the zeros are moved."""
     alpha = zeros(TWO_DISC)[0].real
     errors = [
-        modified_inversion(TWO_DISC, SLEW, within=0.5, to=alpha + d, chain_poles=[-1.0, -2.0], design="robust").max_error[0]
+        modified_inversion(
+            TWO_DISC, SLEW, axis_distance=0.5, real_part=alpha + d, error_poles=[-1.0, -2.0], design="robust"
+        ).max_error[0]
         for d in (0.02, 0.01)
     ]
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.1)
 
 
 def test_input_before_the_manoeuvre_decays_at_alpha() -> None:
-    plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=1.3, chain_poles=[-1.0, -2.0])
+    plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=1.3, error_poles=[-1.0, -2.0])
     period = 2 * np.pi / abs(zeros(TWO_DISC)[0].imag)
     t = -0.1 - period * np.arange(6)
     rate = np.polyfit(t, np.log(np.abs(plan.inputs(t)[:, 0])), 1)[0]
@@ -151,13 +153,13 @@ def test_input_before_the_manoeuvre_decays_at_alpha() -> None:
 
 
 def test_zeros_moved_to_the_left_need_no_preactuation() -> None:
-    plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=-1.0, chain_poles=[-1.0, -2.0])
+    plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=-1.0, error_poles=[-1.0, -2.0])
     assert plan.preactuation == 0.0
     assert plan.alpha == np.inf
     assert np.all(plan(np.array([-5.0, -1e-9])).x == 0.0)
 
 
-def assert_alike(found: NominalTrajectory, expected: NominalTrajectory, T: np.ndarray, tolerance: float) -> None:
+def assert_alike(found: Plan, expected: Plan, T: np.ndarray, tolerance: float) -> None:
     t = np.linspace(-3.0, 15.0, 61)
     x, u = expected(t).x @ T.T, expected(t).u
     assert np.max(np.abs(found(t).x - x)) < tolerance * np.max(np.abs(x))
@@ -169,7 +171,7 @@ def test_coordinates_do_not_matter(design: str) -> None:
     """Neither those of the state, nor which internal ones they make the normal form choose: eta + N zeta is as good as eta."""
     rng = np.random.default_rng(5)
     T = rotation(rng, 4) @ np.diag([1.0, 3.0, 0.2, 1.0])
-    options = {"within": 0.5, "to": 1.0, "chain_poles": [-1.0, -2.0], "design": design}
+    options = {"axis_distance": 0.5, "real_part": 1.0, "error_poles": [-1.0, -2.0], "design": design}
     plan = modified_inversion(TWO_DISC, SLEW, **options)  # type: ignore[arg-type]
     assert_alike(modified_inversion(TWO_DISC.transformed(T), SLEW, **options), plan, T, 1e-8)  # type: ignore[arg-type]
     form = normal_form(TWO_DISC)
@@ -180,7 +182,7 @@ def test_coordinates_do_not_matter(design: str) -> None:
 
 
 def test_units_time_shift_and_superposition() -> None:
-    options = {"within": 0.5, "to": 1.0, "chain_poles": [-1.0, -2.0], "design": "robust"}
+    options = {"axis_distance": 0.5, "real_part": 1.0, "error_poles": [-1.0, -2.0], "design": "robust"}
     plan = modified_inversion(TWO_DISC, SLEW, **options)  # type: ignore[arg-type]
     scaled = StateSpace(TWO_DISC_A, TWO_DISC_B * 1e-6, TWO_DISC_C * 1e3)
     small = modified_inversion(scaled, SLEW.scaled(1e3), **options)  # type: ignore[arg-type]
@@ -198,7 +200,7 @@ def test_units_time_shift_and_superposition() -> None:
 def test_operating_point_is_added() -> None:
     point = OperatingPoint(x0=np.zeros(4), u0=np.array([3.0]), y0=np.array([-7.0]))
     moved = StateSpace(TWO_DISC_A, TWO_DISC_B, TWO_DISC_C, operating_point=point)
-    options = {"within": 0.5, "to": 1.0, "chain_poles": [-1.0, -2.0]}
+    options = {"axis_distance": 0.5, "real_part": 1.0, "error_poles": [-1.0, -2.0]}
     plan = modified_inversion(TWO_DISC, SLEW, **options)  # type: ignore[arg-type]
     about = modified_inversion(moved, SLEW + constant(-7.0), **options)  # type: ignore[arg-type]
     t = np.linspace(-3.0, 15.0, 61)
@@ -212,7 +214,7 @@ def test_direct_feedthrough_holds_its_target() -> None:
     plant = StateSpace(A, [[0.0], [1.0], [0.0]], [[1.0, 0.5, 0.2]], [[0.7]])
     offending = zeros(plant)
     assert np.max(offending.real) < 0 < np.max(offending.imag)
-    plan = modified_inversion(plant, SLEW, within=1.0, to=0.8, chain_poles=[], design="robust")
+    plan = modified_inversion(plant, SLEW, axis_distance=1.0, real_part=0.8, error_poles=[], design="robust")
     assert np.max(np.abs(plan.tracking_error([-60.0, 60.0]))) < 1e-12
     assert plan.certificate.dynamics_residual < 1e-12
     assert plan.alpha == pytest.approx(0.8)
@@ -222,7 +224,7 @@ def test_direct_feedthrough_holds_its_target() -> None:
 def test_axis_zeros_beside_antistable_ones(seed: int) -> None:
     """Rounding puts the pair on the axis to either side of it, and elsewhere when its Schur form is reordered."""
     plant = plant_with(np.random.default_rng(seed), (2,), block(0.3j, -0.5, 2.0 + 1j))
-    plan = modified_inversion(plant, SLEW, within=0.1, to=1.0, chain_poles=[-1.0, -2.0], design="robust")
+    plan = modified_inversion(plant, SLEW, axis_distance=0.1, real_part=1.0, error_poles=[-1.0, -2.0], design="robust")
     assert_same_set(plan.modification[0].zeros_after, [1 + 0.3j, 1 - 0.3j, -0.5, 2 + 1j, 2 - 1j], 1e-8)
     assert plan.certificate.dynamics_residual < 1e-11
 
@@ -231,7 +233,7 @@ def test_placement_that_could_be_more_robust_is_taken_as_it_is() -> None:
     """Poles are in place long before robust placement has converged, which here it does not: no warning, no refusal."""
     plant = plant_with(np.random.default_rng(1), (3, 3), block(0.02 + 1.5j, 0.3j, -0.03 + 3j))
     chain = [-1 - k / 3 for k in range(6)]
-    plan = modified_inversion(plant, stack([SLEW, SLEW]), within=0.2, to=1.3, chain_poles=chain, design="robust")
+    plan = modified_inversion(plant, stack([SLEW, SLEW]), axis_distance=0.2, real_part=1.3, error_poles=chain, design="robust")
     form = normal_form(plant)
     found = modified_poles(plant.A, plant.B, plant.C, (3, 3), plan.modification[0].F, np.vstack([form.C_star, form.N]))
     moved = [1.3 + sign * frequency * 1j for frequency in (0.3, 1.5, 3.0) for sign in (1, -1)]
@@ -239,7 +241,7 @@ def test_placement_that_could_be_more_robust_is_taken_as_it_is() -> None:
 
 
 def test_no_zero_near_enough_is_said() -> None:
-    plan = modified_inversion(TWO_DISC, SLEW, within=0.1, to=1.0, chain_poles=[-1.0, -2.0])
+    plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.1, real_part=1.0, error_poles=[-1.0, -2.0])
     assert "no zeros were moved: within 0.1 rad/s of the imaginary axis there are none" in plan.remarks[-1]
     assert plan.max_error[0] < 1e-12
 
@@ -249,13 +251,13 @@ def test_no_zero_near_enough_is_said() -> None:
 def test_zeros_left_where_they_are_cost_nothing(move: dict[complex, complex], design: str) -> None:
     plant = plant_with(np.random.default_rng(1), (1, 2), block(0.05 + 1.3j, -0.4, 1.5))
     reference = stack([SLEW, SLEW.scaled(0.5)])
-    plan = modified_inversion(plant, reference, move=move, chain_poles=[-1.0, -2.0, -3.0], design=design)  # type: ignore[arg-type]
+    plan = modified_inversion(plant, reference, move=move, error_poles=[-1.0, -2.0, -3.0], design=design)  # type: ignore[arg-type]
     assert plan.relative_error < 1e-10
 
 
 def test_repeated_poles_and_targets() -> None:
     plant = plant_with(np.random.default_rng(3), (2,), block(0.1, -0.15, 0.6))
-    plan = modified_inversion(plant, SLEW, within=0.2, to=1.0, chain_poles=[-1.0, -1.0])
+    plan = modified_inversion(plant, SLEW, axis_distance=0.2, real_part=1.0, error_poles=[-1.0, -1.0])
     assert_same_set(plan.modification[0].zeros_after, [1.0, 1.0, 0.6], 1e-9)
     assert np.max(np.abs(plan.tracking_error([-60.0, 60.0]))) < 1e-9
     assert plan.certificate.dynamics_residual < 1e-11
@@ -264,7 +266,7 @@ def test_repeated_poles_and_targets() -> None:
 def test_zero_at_the_origin_is_moved_where_the_output_returns() -> None:
     plant = plant_with(np.random.default_rng(4), (1,), block(0.0, -1.0, 0.5))
     pulse = SLEW + rest_to_rest(0.0, -1.0, 5.0, smoothness=3, start_time=4.0)
-    plan = modified_inversion(plant, pulse, move={0.0: 1.5}, chain_poles=[-2.0])
+    plan = modified_inversion(plant, pulse, move={0.0: 1.5}, error_poles=[-2.0])
     assert np.max(np.abs(plan.tracking_error([-80.0, 100.0]))) < 1e-12
     assert np.max(np.abs(plan(np.array([-80.0, 100.0])).x)) < 1e-8
 
@@ -282,7 +284,7 @@ def test_random_plants(degrees: tuple[int, ...], near: complex, to: float, seed:
     plant = plant_with(rng, degrees, block(near, -0.8 + 1j, 0.9))
     chain = [-1.1 - 0.37 * k for k in range(sum(degrees))]
     reference = stack([rest_to_rest(0.0, rng.uniform(0.5, 2.0), rng.uniform(1.0, 4.0), smoothness=3) for _ in degrees])
-    plan = modified_inversion(plant, reference, within=0.2, to=to, chain_poles=chain, design="robust")
+    plan = modified_inversion(plant, reference, axis_distance=0.2, real_part=to, error_poles=chain, design="robust")
     form = normal_form(plant)
     found = modified_poles(plant.A, plant.B, plant.C, degrees, plan.modification[0].F, np.vstack([form.C_star, form.N]))
     moved = [complex(to, near.imag), complex(to, -near.imag)] if near.imag else [to]

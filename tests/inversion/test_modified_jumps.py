@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from invtrack.errors import BoundednessError
-from invtrack.inversion.modified import modified_inversion
-from invtrack.inversion.stable import invert
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.signals.profiles import rest_to_rest, versine
+from invtrack.inversion.exact import invert
+from invtrack.inversion.modified.modified_inversion import modified_inversion
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.references.profiles import raised_cosine, rest_to_rest
 from tests.cited_plants import cantilever_paper
 from tests.inversion.modified_cases import PASSIVE_TWO_DISC, TWO_DISC
 
@@ -19,7 +19,10 @@ SLOW = 0.234538
 
 
 def test_without_moved_zeros_it_is_the_exact_inverse() -> None:
-    plan, exact = modified_inversion(CANTILEVER, versine(), move={}, chain_poles=[-1.0, -2.0]), invert(CANTILEVER, versine())
+    plan, exact = (
+        modified_inversion(CANTILEVER, raised_cosine(2.0), move={}, error_poles=[-1.0, -2.0]),
+        invert(CANTILEVER, raised_cosine(2.0)),
+    )
     t = np.linspace(-20.0, 20.0, 201)
     assert np.max(np.abs(plan(t).u - exact(t).u)) < 1e-9 * np.max(np.abs(exact(t).u))
     assert plan.max_error[0] < 1e-11
@@ -27,7 +30,7 @@ def test_without_moved_zeros_it_is_the_exact_inverse() -> None:
 
 @pytest.mark.parametrize("interval", [None, 0, 1, 2, [0, 2]])
 def test_state_is_continuous_and_the_output_comes_to_rest(interval: int | list[int] | None) -> None:
-    plan = modified_inversion(CANTILEVER, versine(), move={SLOW: 1.0}, chain_poles=[-1.0, -2.0], interval=interval)
+    plan = modified_inversion(CANTILEVER, raised_cosine(2.0), move={SLOW: 1.0}, error_poles=[-1.0, -2.0], interval=interval)
     assert max(plan.certificate.dynamics_residual, plan.certificate.continuity) < 1e-12
     assert np.max(np.abs(plan.tracking_error([-150.0, 150.0]))) < 1e-10
     moved = [bool(np.any(change.zeros_after != change.zeros_before)) for change in plan.modification]
@@ -36,15 +39,15 @@ def test_state_is_continuous_and_the_output_comes_to_rest(interval: int | list[i
 
 
 def test_output_is_exact_until_it_is_disturbed() -> None:
-    plan = modified_inversion(CANTILEVER, versine(), move={SLOW: 1.0}, chain_poles=[-1.0, -2.0], interval=2)
+    plan = modified_inversion(CANTILEVER, raised_cosine(2.0), move={SLOW: 1.0}, error_poles=[-1.0, -2.0], interval=2)
     before, after = np.linspace(-20.0, 4.0, 100), np.linspace(4.05, 6.2, 50)
     assert np.max(np.abs(plan.tracking_error(before, inside=before - 1e-9))) < 1e-11
     assert np.max(np.abs(plan.tracking_error(after))) > 1e-3
 
 
 def test_moving_the_slow_zero_before_shortens_the_preactuation() -> None:
-    exact = invert(CANTILEVER, versine())
-    plan = modified_inversion(CANTILEVER, versine(), move={SLOW: 1.0}, chain_poles=[-1.0, -2.0], interval=0)
+    exact = invert(CANTILEVER, raised_cosine(2.0))
+    plan = modified_inversion(CANTILEVER, raised_cosine(2.0), move={SLOW: 1.0}, error_poles=[-1.0, -2.0], interval=0)
     assert plan.alpha == pytest.approx(1.0)
     assert plan.preactuation < 0.3 * exact.preactuation
 
@@ -52,7 +55,7 @@ def test_moving_the_slow_zero_before_shortens_the_preactuation() -> None:
 def test_axis_zeros_of_an_end_can_be_moved_there_alone() -> None:
     model = SwitchedSystem([TWO_DISC, PASSIVE_TWO_DISC], [2.0])
     slew = rest_to_rest(0.0, 1.0, 5.0, smoothness=3)
-    plan = modified_inversion(model, slew, within=0.1, to=0.8, chain_poles=[-1.0, -2.0], interval=1)
+    plan = modified_inversion(model, slew, axis_distance=0.1, real_part=0.8, error_poles=[-1.0, -2.0], interval=1)
     assert plan.modification[0].alpha == pytest.approx(0.21998, rel=1e-4)
     assert np.max(np.abs(plan.tracking_error([-120.0, 120.0]))) < 1e-10
 
@@ -60,7 +63,7 @@ def test_axis_zeros_of_an_end_can_be_moved_there_alone() -> None:
 def test_each_name_moves_the_zero_of_the_intervals_that_have_it() -> None:
     model = SwitchedSystem([TWO_DISC, PASSIVE_TWO_DISC, TWO_DISC], [1.5, 3.0])
     slew = rest_to_rest(2.0, 5.0, 5.0, smoothness=3)
-    plan = modified_inversion(model, slew, move={0.22 + 4.75j: 1 + 4.5j, 4.755j: 2 + 5j}, chain_poles=[-1.0, -2.0])
+    plan = modified_inversion(model, slew, move={0.22 + 4.75j: 1 + 4.5j, 4.755j: 2 + 5j}, error_poles=[-1.0, -2.0])
     after = [np.max(change.zeros_after.imag) * 1j + np.max(change.zeros_after.real) for change in plan.modification]
     np.testing.assert_allclose(after, [1 + 4.5j, 2 + 5j, 1 + 4.5j], rtol=1e-12)
     assert max(plan.certificate.dynamics_residual, plan.certificate.continuity) < 1e-12
@@ -70,4 +73,4 @@ def test_each_name_moves_the_zero_of_the_intervals_that_have_it() -> None:
 def test_more_end_conditions_than_unknowns_is_refused() -> None:
     """Made stable before the jumps but not after them, the slow zero leaves one condition too many."""
     with pytest.raises(BoundednessError, match=r"give 1 unknown\(s\) for the 2 condition\(s\)"):
-        modified_inversion(CANTILEVER, versine(), move={SLOW: -1.0}, chain_poles=[-1.0, -2.0], interval=0)
+        modified_inversion(CANTILEVER, raised_cosine(2.0), move={SLOW: -1.0}, error_poles=[-1.0, -2.0], interval=0)

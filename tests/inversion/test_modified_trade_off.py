@@ -5,31 +5,31 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from invtrack.inversion.modified import modified_inversion
-from invtrack.inversion.trade_off import plan_for, preactuation_trade_off
-from invtrack.signals.piecewise import stack
-from invtrack.signals.preactuation import preactuation_at
-from invtrack.signals.profiles import rest_to_rest
+from invtrack.inversion.modified.modified_inversion import modified_inversion
+from invtrack.inversion.modified.preactuation_trade_off import preactuation_trade_off, tune_modified_inversion
+from invtrack.plans.preactuation import plan_preactuation_time
+from invtrack.references.profiles import rest_to_rest
+from invtrack.references.signal import stack
 from tests.inversion.modified_cases import HE3, HE3_POLES, HOVER, PASSIVE_TWO_DISC, TWO_DISC, moved_pair
-from tests.lti.random_plants import block, plant_with
+from tests.linear.random_plants import block, plant_with
 
 SLEW = rest_to_rest(0.0, 1.0, 5.0, smoothness=3)
 CHAIN = [-1.0, -2.0]
 
 
 def test_each_point_is_its_plan() -> None:
-    trade = preactuation_trade_off(TWO_DISC, SLEW, real_parts=[0.5, 2.0], chain_poles=CHAIN, within=0.5, level=0.02)
+    trade = preactuation_trade_off(TWO_DISC, SLEW, real_parts=[0.5, 2.0], error_poles=CHAIN, axis_distance=0.5, level=0.02)
     for point, to in zip(trade.points, (0.5, 2.0), strict=True):
-        plan = modified_inversion(TWO_DISC, SLEW, within=0.5, to=to, chain_poles=CHAIN)
+        plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=to, error_poles=CHAIN)
         assert (point.real_part, point.alpha) == (to, pytest.approx(to))
-        assert point.preactuation == pytest.approx(preactuation_at(plan, 0.02))
+        assert point.preactuation == pytest.approx(plan_preactuation_time(plan, 0.02))
         assert point.max_error == pytest.approx(plan.max_error[0])
         assert point.error_after == pytest.approx(plan.max_error_after[0])
         assert point.peak_input == pytest.approx(np.max(np.abs(plan.input_range)))
 
 
 def test_preactuation_falls_and_error_rises() -> None:
-    trade = preactuation_trade_off(TWO_DISC, SLEW, real_parts=[0.22, 0.5, 1.0, 2.0, 4.0], chain_poles=CHAIN, within=0.5)
+    trade = preactuation_trade_off(TWO_DISC, SLEW, real_parts=[0.22, 0.5, 1.0, 2.0, 4.0], error_poles=CHAIN, axis_distance=0.5)
     assert np.all(np.diff(trade.column("preactuation")) < 0)
     assert np.all(np.diff(trade.column("max_error")) > 0)
     assert "error after [-]" in str(trade)
@@ -37,48 +37,50 @@ def test_preactuation_falls_and_error_rises() -> None:
 
 
 def test_negative_real_parts_need_no_preactuation() -> None:
-    trade = preactuation_trade_off(TWO_DISC, SLEW, real_parts=[-1.0], chain_poles=CHAIN, within=0.5)
+    trade = preactuation_trade_off(TWO_DISC, SLEW, real_parts=[-1.0], error_poles=CHAIN, axis_distance=0.5)
     assert trade.column("preactuation")[0] == 0.0
     assert trade.column("alpha")[0] == np.inf
 
 
 @pytest.mark.parametrize("wish", [8.0, 2.0])
 def test_plan_within_a_preactuation(wish: float) -> None:
-    plan = plan_for(TWO_DISC, SLEW, chain_poles=CHAIN, preactuation=wish, within=0.5, design="robust")
+    plan = tune_modified_inversion(TWO_DISC, SLEW, error_poles=CHAIN, preactuation=wish, axis_distance=0.5, design="robust")
     # The preactuation of an input that oscillates jumps from one of its half periods to the next.
-    assert wish - np.pi / 4.74976 < preactuation_at(plan) <= wish
-    nearer = modified_inversion(TWO_DISC, SLEW, within=0.5, to=0.99 * plan.alpha, chain_poles=CHAIN, design="robust")
-    assert preactuation_at(nearer) > wish  # no need to move the zeros less far, no room either
+    assert wish - np.pi / 4.74976 < plan_preactuation_time(plan) <= wish
+    nearer = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=0.99 * plan.alpha, error_poles=CHAIN, design="robust")
+    assert plan_preactuation_time(nearer) > wish  # no need to move the zeros less far, no room either
 
 
 def test_plan_within_an_error() -> None:
-    plan = plan_for(TWO_DISC, SLEW, chain_poles=CHAIN, error=0.005, zeros=[0.22 + 4.75j])
+    plan = tune_modified_inversion(TWO_DISC, SLEW, error_poles=CHAIN, error=0.005, zeros=[0.22 + 4.75j])
     assert 0.99 * 0.005 < plan.relative_error <= 0.005
-    farther = modified_inversion(TWO_DISC, SLEW, within=0.5, to=1.05 * plan.alpha, chain_poles=CHAIN)
+    farther = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=1.05 * plan.alpha, error_poles=CHAIN)
     assert farther.relative_error > 0.005
 
 
 def test_affordable_from_the_start() -> None:
-    plan = plan_for(TWO_DISC, SLEW, chain_poles=CHAIN, preactuation=100.0, within=0.5)
+    plan = tune_modified_inversion(TWO_DISC, SLEW, error_poles=CHAIN, preactuation=100.0, axis_distance=0.5)
     assert plan.alpha == pytest.approx(0.21998, rel=1e-4)
     assert plan.relative_error < 1e-5
 
 
 def test_zeros_on_the_axis() -> None:
-    plan = plan_for(PASSIVE_TWO_DISC, SLEW, chain_poles=CHAIN, preactuation=5.0, within=0.1, real_parts=(0.5, 2.0), design="robust")
-    assert 5.0 - np.pi / 4.755 < preactuation_at(plan) <= 5.0
+    plan = tune_modified_inversion(
+        PASSIVE_TWO_DISC, SLEW, error_poles=CHAIN, preactuation=5.0, axis_distance=0.1, real_parts=(0.5, 2.0), design="robust"
+    )
+    assert 5.0 - np.pi / 4.755 < plan_preactuation_time(plan) <= 5.0
 
 
 def test_several_outputs_afford_any_error() -> None:
     """The search starts where the zeros are, which costs nothing."""
     plant = plant_with(np.random.default_rng(1), (1, 2), block(0.05 + 1.3j, -0.4, 1.5))
     reference = stack([SLEW, SLEW.scaled(0.5)])
-    plan = plan_for(plant, reference, chain_poles=[-1.0, -2.0, -3.0], error=0.05, within=0.1)
+    plan = tune_modified_inversion(plant, reference, error_poles=[-1.0, -2.0, -3.0], error=0.05, axis_distance=0.1)
     assert 0.99 * 0.05 < plan.relative_error <= 0.05
     assert plan.alpha > 0.05
 
 
 def test_hover() -> None:
     pair, _ = moved_pair(2.0)
-    plan = plan_for(HE3, HOVER, chain_poles=HE3_POLES, preactuation=4.0, zeros=[pair], design="robust")
-    assert 0.99 * 4.0 < preactuation_at(plan) <= 4.0
+    plan = tune_modified_inversion(HE3, HOVER, error_poles=HE3_POLES, preactuation=4.0, zeros=[pair], design="robust")
+    assert 0.99 * 4.0 < plan_preactuation_time(plan) <= 4.0

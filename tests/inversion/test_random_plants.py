@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from invtrack.errors import BoundednessError, NonHyperbolicError
-from invtrack.inversion.stable import invert
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.signals.nominal import Certificate
-from invtrack.signals.profiles import rest_to_rest
-from tests.lti.random_plants import pencil_zeros, plant_with
+from invtrack.inversion.exact import invert
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.plan import Certificate
+from invtrack.references.profiles import rest_to_rest
+from tests.linear.random_plants import pencil_zeros, plant_with
 
 SEEDS = st.integers(0, 10**6)
 

@@ -10,13 +10,13 @@ import pytest
 import scipy.signal
 
 from invtrack.errors import InversionError, NonHyperbolicError, RelativeDegreeError, TrajectoryError
-from invtrack.inversion.stable import invert
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.signals.piecewise import Generator, PiecewiseSignal
-from invtrack.signals.profiles import autonomous, piecewise_polynomial, rest_to_rest, versine
+from invtrack.inversion.exact import invert
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.references.profiles import autonomous, piecewise_polynomial, raised_cosine, rest_to_rest
+from invtrack.references.signal import Generator, PiecewiseSignal
 from tests.cited_plants import cantilever_paper
-from tests.lti.random_plants import block, plant_with
+from tests.linear.random_plants import block, plant_with
 
 CANTILEVER = StateSpace(*cantilever_paper(0.0), output_names=["tip"])
 ALL_PASS = StateSpace([[-2.0]], [[1.0]], [[-3.0]], [[1.0]])  # (s - 1)/(s + 2)
@@ -52,20 +52,20 @@ def test_a_kink_inside_the_motion_is_named_by_its_time() -> None:
 @pytest.mark.parametrize("options", [{"tolerance": 0.0}, {"tolerance": -1e-3}, {"tolerance": 1.0}, {"tolerance": np.nan}])
 def test_a_tolerance_must_be_a_share(options: dict[str, float]) -> None:
     with pytest.raises(InversionError, match="tolerance must lie between 0 and 1"):
-        invert(CANTILEVER, versine(), **options)
+        invert(CANTILEVER, raised_cosine(2.0), **options)
 
 
 @pytest.mark.parametrize("limit", [-1.0, np.nan])
 def test_preactuation_cannot_be_limited_to_less_than_nothing(limit: float) -> None:
     with pytest.raises(InversionError, match="max_preactuation must not be negative"):
-        invert(CANTILEVER, versine(), max_preactuation=limit)
+        invert(CANTILEVER, raised_cosine(2.0), max_preactuation=limit)
 
 
 @pytest.mark.parametrize("internal", [block(4.4j), block(0.0), block(1.0, -1.0, 2j)])
 def test_zeros_on_the_axis(internal: np.ndarray) -> None:
     plant = plant_with(np.random.default_rng(0), (2,), internal)
     with pytest.raises(NonHyperbolicError, match="not hyperbolic: zeros at"):
-        invert(plant, versine())
+        invert(plant, raised_cosine(2.0))
 
 
 def test_no_relative_degree() -> None:
@@ -99,7 +99,7 @@ def test_but_not_where_it_runs_on_for_ever() -> None:
 @pytest.mark.parametrize("convert", [control.ss, scipy.signal.StateSpace])
 def test_other_libraries_systems_are_taken(convert: Any) -> None:
     A, B, C = cantilever_paper(0.0)
-    theirs, ours = invert(convert(A, B, C, [[0.0]]), versine()), invert(CANTILEVER, versine())
+    theirs, ours = invert(convert(A, B, C, [[0.0]]), raised_cosine(2.0)), invert(CANTILEVER, raised_cosine(2.0))
     t = np.linspace(-10.0, 10.0, 30)
     assert theirs(t).u == pytest.approx(ours(t).u)
-    assert invert(SwitchedSystem([convert(A, B, C, [[0.0]])]), versine())(t).u == pytest.approx(ours(t).u)
+    assert invert(SwitchedSystem([convert(A, B, C, [[0.0]])]), raised_cosine(2.0))(t).u == pytest.approx(ours(t).u)

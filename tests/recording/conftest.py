@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from invtrack.runs.result import Event, RunResult, Signal
+from invtrack.results.result import Event, RunResult, Signal
 
 MJCF = """
 <mujoco>
@@ -80,13 +80,13 @@ def mechanism_run(name: str = "inversion", steps: int = 300) -> RunResult:
         parameters=Signal(np.column_stack([masses, np.full(steps, 0.25)]), ("tip_mass", "damping"), ("kg", "N s/m")),
         manoeuvre=(0.0, 0.6),
         timestep=0.004,
-        hold="midpoint",
+        evaluate="held",
         integrator="RK4",
         vibration_period=float("nan"),
         events=[
             Event(0.0, "manoeuvre", "start"),
             Event(0.1 + 0.2, "parameter", 'tip_mass "8" -> 1 kg, β'),
-            Event(0.8, "stop", "end of the run"),
+            Event(0.8, "end", "end of the run"),
         ],
         parameter_bodies={"tip_mass": "tip", "damping": "arm"},
         qpos=qpos,

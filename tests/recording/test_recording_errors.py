@@ -9,9 +9,9 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 import invtrack.recording.write as write
-from invtrack.errors import RecordingError
+from invtrack.errors import FileError, RecordingError
 from invtrack.recording import load_recording, save_recording
-from invtrack.runs.result import RunResult
+from invtrack.results.result import RunResult
 
 
 def test_cases_need_distinct_names(run: RunResult, tmp_path: Path) -> None:
@@ -44,10 +44,10 @@ def test_the_model_must_fit(run: RunResult, tmp_path: Path, monkeypatch: pytest.
 
 def test_places_that_cannot_be_written(run: RunResult, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(RecordingError, match="folder that can be written"):
+    with pytest.raises(FileError, match="expected a writable folder"):
         save_recording(run, tmp_path / "file" / "run.rrd")
     (tmp_path / "folder.rrd").mkdir()
-    with pytest.raises(RecordingError, match=r"cannot write the recording .*folder\.rrd"):
+    with pytest.raises(FileError, match=r"cannot write .*folder\.rrd"):
         save_recording(run, tmp_path / "folder.rrd")
     with pytest.raises(RecordingError, match=r"ends in \.rrd"):
         save_recording(run, tmp_path / "run.mcap")

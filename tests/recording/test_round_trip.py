@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from rerun.chunk import OptimizationProfile, RrdReader
 
 from invtrack.recording import load_recording, save_recording
-from invtrack.runs.result import RunResult, Signal
+from invtrack.results.result import RunResult, Signal
 from tests.recording.conftest import Recorded, mechanism_run
 
 
@@ -46,7 +46,7 @@ def test_every_float_and_every_name_survives(
     settings_of_run = {
         "manoeuvre": (-1 / 3, 0.1),
         "timestep": 1e-12,
-        "hold": "continuous",
+        "evaluate": "stages",
         "integrator": "",
         "vibration_period": 0.1,
     }
@@ -103,7 +103,7 @@ def test_rows_stand_on_their_samples(run: RunResult, tmp_path: Path) -> None:
 
 
 def test_a_continuous_input_stands_at_mid_step(run: RunResult, tmp_path: Path) -> None:
-    recorded = Recorded(save_recording(dataclasses.replace(run, hold="continuous"), tmp_path / "run.rrd"))
+    recorded = Recorded(save_recording(dataclasses.replace(run, evaluate="stages"), tmp_path / "run.rrd"))
     seconds = np.array([duration.total_seconds() for duration in recorded.column("/inversion/applied/\\[N\\]", "time")])
     assert np.abs(seconds - run.time[:-1] - 0.5 * run.timestep).max() <= 1e-6
 

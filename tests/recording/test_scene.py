@@ -9,7 +9,7 @@ import pytest
 
 from invtrack.recording import save_recording
 from invtrack.recording.scene import frame_samples
-from invtrack.runs.result import RunResult
+from invtrack.results.result import RunResult
 from tests.recording.conftest import CHANGES, MASSES, MJCF, Recorded
 
 BODIES = "/inversion/scene/bodies"

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.switched import SwitchedSystem, as_switched
-from invtrack.signals.piecewise import PiecewiseSignal, stack
-from invtrack.signals.profiles import rest_to_rest
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem, as_switched
+from invtrack.references.profiles import rest_to_rest
+from invtrack.references.signal import PiecewiseSignal, stack
 from tests.cited_plants import TWO_DISC_A, TWO_DISC_B, TWO_DISC_C
-from tests.lti.random_plants import block, plant_with
+from tests.linear.random_plants import block, plant_with
 
 Array = NDArray[np.float64]
 

@@ -10,17 +10,17 @@ import pytest
 from numpy.typing import NDArray
 
 from invtrack.control.gains import lqr
-from invtrack.control.tracking import TrackingController
+from invtrack.control.tracking_controller import TrackingController
 from invtrack.errors import RedesignError
-from invtrack.lti.state_space import OperatingPoint, StateSpace
-from invtrack.lti.switched import SwitchedSystem
+from invtrack.linear.state_space import OperatingPoint, StateSpace
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.export import sampled_plan
 from invtrack.redesign.constrained import ConstrainedTrajectory, constrained_redesign
 from invtrack.redesign.cost import cost
 from invtrack.redesign.limited import quadratic_program
 from invtrack.redesign.limits import Limits, StateLimit
 from invtrack.redesign.quadratic import quadratic_redesign
-from invtrack.signals.export import sampled_plan
-from invtrack.signals.profiles import constant, rest_to_rest
+from invtrack.references.profiles import constant, rest_to_rest
 from invtrack.simulation.closed_loop import simulate
 from invtrack.simulation.linear_plant import LinearPlant
 from tests.redesign.plants import (

@@ -11,14 +11,14 @@ import scipy.optimize
 import scipy.signal
 from numpy.typing import NDArray
 
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.switched import as_switched
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import as_switched
+from invtrack.plans.plan import Plan
 from invtrack.redesign.constrained import ConstrainedTrajectory, constrained_redesign
 from invtrack.redesign.cost import cost
 from invtrack.redesign.limits import Limits, StateLimit
 from invtrack.redesign.quadratic import quadratic_redesign
-from invtrack.signals.nominal import NominalTrajectory
-from invtrack.signals.profiles import rest_to_rest
+from invtrack.references.profiles import rest_to_rest
 from tests.redesign.plants import (
     DIRECT,
     FULL,
@@ -46,18 +46,18 @@ CASES: dict[str, tuple[Any, Any, dict[str, Any]]] = {
 }
 
 
-def densely(plan: NominalTrajectory, count: int = 20_001) -> Array:
+def densely(plan: Plan, count: int = 20_001) -> Array:
     """Times over the plan, those just beside its breakpoints included."""
     edges = plan.breakpoints
     return np.unique(np.concatenate([np.linspace(plan.start, plan.end, count), edges - 1e-9, edges + 1e-9]))
 
 
-def largest_input(plan: NominalTrajectory) -> Array:
+def largest_input(plan: Plan) -> Array:
     low, high = plan.input_range
     return np.maximum(-low, high)
 
 
-def twist_of(plan: NominalTrajectory) -> Array:
+def twist_of(plan: Plan) -> Array:
     x = plan.states(densely(plan))
     return np.asarray(x[:, 0] - x[:, 2])
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from invtrack.inversion.stable import invert
-from invtrack.lti.state_space import StateSpace
+from invtrack.inversion.exact import invert
+from invtrack.linear.state_space import StateSpace
 from invtrack.redesign.cost import cost
-from invtrack.signals.profiles import autonomous, rest_to_rest
+from invtrack.references.profiles import autonomous, rest_to_rest
 from tests.redesign.plants import NONMINIMUM, there_and_back
 
 INTEGRATOR = StateSpace([[0.0]], [[1.0]], [[1.0]])

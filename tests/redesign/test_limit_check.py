@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from invtrack.plans.plan import TwoSidedGenerator, TwoSidedTrajectory
 from invtrack.redesign.limited.limit_check import worst_within_steps
 from invtrack.redesign.limits import Bound
-from invtrack.signals.nominal import TwoSidedGenerator, TwoSidedTrajectory
 
 
 @pytest.mark.parametrize("peak", [0.0, 0.011, 0.03, 0.031, 0.26, 0.5, 0.97, 0.989, 1.0])

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from invtrack.errors import RedesignError, TrajectoryError
-from invtrack.lti.state_space import OperatingPoint, StateSpace
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.redesign.prefilter import Prefilter, prefilter
-from invtrack.signals.piecewise import stack
-from invtrack.signals.profiles import constant, rest_to_rest, versine
+from invtrack.linear.state_space import OperatingPoint, StateSpace
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.redesign.prefilter.prefilter import Prefilter, prefilter
+from invtrack.references.profiles import constant, raised_cosine, rest_to_rest
+from invtrack.references.signal import stack
 from tests.cited_plants import TWO_DISC_A, TWO_DISC_B, TWO_DISC_C
 
 Array = NDArray[np.float64]
@@ -179,21 +179,21 @@ def test_kernels_of_the_integrator_are_the_known_ones() -> None:
 
 def test_convolution_with_the_kernel_is_the_filter() -> None:
     kernel = rig().impulse_response()
-    reference = versine(period=12.0, start_time=5.0)
+    reference = raised_cosine(2.0, period=12.0, start_time=5.0)
     at = np.array([-3.0, 4.0, 11.0, 25.0])
     wanted = reference((at[:, None] - kernel.time).ravel())[:, 0].reshape(len(at), -1)
     y = np.trapezoid(wanted * kernel.g_f[:, 0, 0], kernel.time, axis=1)
     assert y == pytest.approx(rig().apply(reference, at).y[:, 0], abs=1e-4)
 
 
-@pytest.mark.parametrize("kind", ["slew", "versine"])
+@pytest.mark.parametrize("kind", ["slew", "raised_cosine"])
 def test_agrees_with_the_riccati_solution_on_the_rig(kind: str) -> None:
     duration = 20.0
     if kind == "slew":
         reference = rest_to_rest(0.0, 1.0, duration)
         times, y_d = np.linspace(-30.0, 60.0, 181), lambda t: np.array([minimum_jerk(t / duration)])
     else:
-        reference = versine(period=duration)
+        reference = raised_cosine(2.0, period=duration)
         times, y_d = np.linspace(-30.0, 60.0, 181), lambda t: np.array([(1 - np.cos(np.pi * t / 10)) * (0 <= t <= duration)])
     found = rig().apply(reference, times)
     u, x = two_sweeps(TWO_DISC, y_d, [-110.0, 0.0, duration, 130.0], times, R=np.eye(1), Q_x=RIG_WEIGHTS["Q_x"], Q_y=np.eye(1))
@@ -205,7 +205,7 @@ def test_agrees_with_the_riccati_solution_on_the_rig(kind: str) -> None:
 
 def test_agrees_with_the_riccati_solution_for_two_outputs() -> None:
     # Both carts travel together, so that the held end stretches no spring, but the second one makes a detour.
-    first, second = rest_to_rest(0.0, 1.0, 4.0), rest_to_rest(0.0, 1.0, 4.0) + versine(amplitude=0.2, period=3.0)
+    first, second = rest_to_rest(0.0, 1.0, 4.0), rest_to_rest(0.0, 1.0, 4.0) + raised_cosine(0.4, period=3.0)
     times = np.linspace(-6.0, 12.0, 91)
     found = prefilter(TWO_CARTS, **CART_WEIGHTS).apply(stack([first, second]), times)
 
@@ -220,7 +220,7 @@ def test_agrees_with_the_riccati_solution_for_two_outputs() -> None:
 
 def test_superposition_and_time_shift() -> None:
     times = np.linspace(-20.0, 60.0, 41)
-    slew, hump = rest_to_rest(0.0, 1.0, 12.0), versine(period=9.0, start_time=3.0)
+    slew, hump = rest_to_rest(0.0, 1.0, 12.0), raised_cosine(2.0, period=9.0, start_time=3.0)
     found = rig()
     both = found.apply(slew.scaled(2.0) + hump, times)
     one, other = found.apply(slew, times), found.apply(hump, times)
@@ -278,13 +278,13 @@ def test_holding_that_costs_for_ever_is_refused_but_passing_by_is_not() -> None:
     spring = prefilter(StateSpace([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], [[1.0, 0.0]]), R=1.0, Q_y=1.0)
     with pytest.raises(RedesignError, match=r"holding the reference's last value for ever costs 0\.5 per second"):
         spring.apply(rest_to_rest(0.0, 1.0, 2.0))
-    assert spring.apply(versine(period=2.0), [0.0, 50.0]).y[1, 0] == pytest.approx(0.0, abs=1e-7)
+    assert spring.apply(raised_cosine(2.0, period=2.0), [0.0, 50.0]).y[1, 0] == pytest.approx(0.0, abs=1e-7)
 
 
 def test_rounding_of_the_held_value_is_no_cost() -> None:
     point = OperatingPoint(x0=np.zeros(2), u0=np.zeros(1), y0=np.array([0.3]))
     spring = StateSpace([[0.0, 1.0], [-1.0, -0.4]], [[0.0], [1.0]], [[1.0, 0.0]], operating_point=point)
-    found = prefilter(spring, R=1.0, Q_y=1.0).apply(versine(period=2.0) + constant(0.1 + 0.2), [50.0])
+    found = prefilter(spring, R=1.0, Q_y=1.0).apply(raised_cosine(2.0, period=2.0) + constant(0.1 + 0.2), [50.0])
     assert found.y[0, 0] == pytest.approx(0.3, abs=1e-7)
 
 
@@ -329,11 +329,11 @@ def test_change_of_input_against_an_inverse_that_does_not_exist_is_refused() -> 
 def test_bad_calls_are_refused() -> None:
     found = prefilter(INTEGRATOR, R=1.0, Q_y=1.0)
     with pytest.raises(TrajectoryError, match="reference has 2 channels"):
-        found.apply(stack([versine(), versine()]))
+        found.apply(stack([raised_cosine(2.0), raised_cosine(2.0)]))
     with pytest.raises(TrajectoryError, match="times must be finite"):
-        found.apply(versine(), [np.nan])
+        found.apply(raised_cosine(2.0), [np.nan])
     with pytest.raises(RedesignError, match="tolerance must lie between 0 and 1"):
-        found.apply(versine(), tolerance=0.0)
+        found.apply(raised_cosine(2.0), tolerance=0.0)
     with pytest.raises(RedesignError, match="level must lie between 0 and 1"):
         found.preview_time(2.0)
     feedthrough = prefilter(StateSpace([[-1.0]], [[1.0]], [[1.0]], [[1.0]]), R=1.0, Q_y=1.0)

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from invtrack.lti.state_space import OperatingPoint, StateSpace
-from invtrack.lti.switched import SwitchedSystem
+from invtrack.linear.state_space import OperatingPoint, StateSpace
+from invtrack.linear.switched import SwitchedSystem
 from invtrack.redesign.cost import cost
 from invtrack.redesign.quadratic import quadratic_redesign
-from invtrack.signals.piecewise import PiecewiseSignal
-from invtrack.signals.profiles import autonomous, constant, rest_to_rest
-from invtrack.signals.sampled import sampled_reference
+from invtrack.references.profiles import autonomous, constant, rest_to_rest
+from invtrack.references.samples import sampled_reference
+from invtrack.references.signal import PiecewiseSignal
 from tests.redesign.plants import HEAVIER, MINIMUM, NONMINIMUM, TWO_DISC, TWO_DISC_WEIGHTS, there_and_back
 
 WEIGHTS: dict[str, Any] = {"R": 0.2, "Q_x": np.diag([0.3, 0.0, 0.1]), "Q_y": 4.0}

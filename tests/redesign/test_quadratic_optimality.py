@@ -11,13 +11,13 @@ import pytest
 import scipy.signal
 from numpy.typing import NDArray
 
-from invtrack.inversion.stable import invert
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.switched import SwitchedSystem, as_switched
+from invtrack.inversion.exact import invert
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.redesign.cost import cost
 from invtrack.redesign.quadratic import quadratic_redesign
-from invtrack.signals.piecewise import PiecewiseSignal
-from invtrack.signals.profiles import rest_to_rest
+from invtrack.references.profiles import rest_to_rest
+from invtrack.references.signal import PiecewiseSignal
 from tests.redesign.plants import (
     DIRECT,
     FULL,

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from invtrack.errors import InvtrackError, RedesignError, TrajectoryError
-from invtrack.lti.state_space import StateSpace
+from invtrack.linear.state_space import StateSpace
 from invtrack.redesign.cost import cost
 from invtrack.redesign.quadratic import quadratic_redesign
-from invtrack.signals.piecewise import Generator, PiecewiseSignal, stack
-from invtrack.signals.profiles import rest_to_rest
+from invtrack.references.profiles import rest_to_rest
+from invtrack.references.signal import Generator, PiecewiseSignal, stack
 from tests.redesign.plants import NONMINIMUM, TWO_DISC, TWO_DISC_WEIGHTS, there_and_back
 
 GOOD: dict[str, Any] = {"R": 1.0, "Q_y": 1.0}

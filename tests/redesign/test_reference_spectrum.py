@@ -7,21 +7,21 @@ import pytest
 from scipy.integrate import quad
 
 from invtrack.errors import TrajectoryError
-from invtrack.redesign.frequency.reference_spectrum import held_values, rate_spectrum
-from invtrack.signals.piecewise import PiecewiseSignal, stack
-from invtrack.signals.profiles import autonomous, piecewise_polynomial, rest_to_rest, versine
-from invtrack.signals.sampled import sampled_reference
+from invtrack.redesign.prefilter.reference_spectrum import held_values, rate_spectrum
+from invtrack.references.profiles import autonomous, piecewise_polynomial, raised_cosine, rest_to_rest
+from invtrack.references.samples import sampled_reference
+from invtrack.references.signal import PiecewiseSignal, stack
 
 SAMPLED = sampled_reference(np.linspace(0.0, 2.0, 9), np.sin(np.linspace(0.0, np.pi, 9)) ** 4)
 
 
 @pytest.mark.parametrize(
     "reference",
-    [rest_to_rest(0.0, 1.0, 3.0), rest_to_rest(2.0, -1.0, 0.5, start_time=-4.0), versine(period=2.0, cycles=3), SAMPLED],
-    ids=["slew", "short slew", "versine", "sampled"],
+    [rest_to_rest(0.0, 1.0, 3.0), rest_to_rest(2.0, -1.0, 0.5, start_time=-4.0), raised_cosine(2.0, period=2.0, cycles=3), SAMPLED],
+    ids=["slew", "short slew", "raised_cosine", "sampled"],
 )
 def test_transform_is_the_integral_of_the_rate(reference: PiecewiseSignal) -> None:
-    w = np.array([0.0, np.pi, 7.0, 40.0])  # pi: the versine's own frequency
+    w = np.array([0.0, np.pi, 7.0, 40.0])  # pi: the raised_cosine's own frequency
     found = rate_spectrum(reference, w, origin=-1.0)[:, 0]
     expected = np.zeros(len(w), dtype=complex)
     for a, b in zip(reference.breakpoints[:-1], reference.breakpoints[1:], strict=True):
@@ -42,14 +42,14 @@ def test_transform_is_the_integral_of_the_rate(reference: PiecewiseSignal) -> No
 
 
 def test_a_jump_of_the_reference_has_a_flat_transform() -> None:
-    step = piecewise_polynomial([0.0, 1.0], [[2.0]], hold=(0.0, 2.0))
+    step = piecewise_polynomial([0.0, 1.0], [[2.0]], held=(0.0, 2.0))
     assert rate_spectrum(step, np.array([0.0, 1.0, 100.0]), origin=-0.5) == pytest.approx(
         2.0 * np.exp(-0.5j * np.array([[0.0], [1.0], [100.0]]))
     )
 
 
 def test_at_zero_it_is_the_whole_change() -> None:
-    reference = stack([rest_to_rest(0.5, 2.0, 3.0), versine(period=2.0)])
+    reference = stack([rest_to_rest(0.5, 2.0, 3.0), raised_cosine(2.0, period=2.0)])
     y_0, y_f = held_values(reference)
     assert y_0 == pytest.approx([0.5, 0.0])
     assert y_f == pytest.approx([2.0, 0.0])
@@ -62,5 +62,5 @@ def test_a_reference_that_does_not_come_to_rest_is_refused() -> None:
     kind[-1] = kind[1]  # goes on rising
     anchors = ramp.anchors.copy()
     anchors[-1] = [1.0, 1.0]
-    with pytest.raises(TrajectoryError, match=r"holds still outside its support.*changes after it"):
+    with pytest.raises(TrajectoryError, match=r"holds still outside its manoeuvre.*changes after it"):
         held_values(PiecewiseSignal(ramp.breakpoints, ramp.generators, kind, anchors))

@@ -10,10 +10,10 @@ import pytest
 import scipy.integrate
 
 from invtrack.errors import RedesignError
-from invtrack.inversion.stable import invert
+from invtrack.inversion.exact import invert
+from invtrack.redesign.pareto import Outcome, TradeOff, outcome, pareto_sweep
 from invtrack.redesign.quadratic import quadratic_redesign
-from invtrack.redesign.trade_off import Outcome, TradeOff, outcome, pareto_sweep
-from invtrack.signals.profiles import rest_to_rest
+from invtrack.references.profiles import rest_to_rest
 from tests.redesign.plants import NONMINIMUM, TWIST, TWO_DISC, there_and_back
 
 REFERENCE = rest_to_rest(0.0, 1.0, 30.0)

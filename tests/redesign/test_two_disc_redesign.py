@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from invtrack.inversion.stable import invert
+from invtrack.inversion.exact import invert
 from invtrack.redesign.cost import cost
-from invtrack.redesign.prefilter import prefilter
+from invtrack.redesign.prefilter.prefilter import prefilter
 from invtrack.redesign.quadratic import quadratic_redesign
-from invtrack.signals.profiles import rest_to_rest
+from invtrack.references.profiles import rest_to_rest
 from tests.redesign.plants import TWIST, TWO_DISC, TWO_DISC_WEIGHTS
 
 TIMES = np.linspace(-100.0, 150.0, 25_001)

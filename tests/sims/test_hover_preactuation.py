@@ -10,7 +10,7 @@ import pytest
 
 import invtrack
 from tests.cited_plants import HE3_A, HE3_B, HE3_C
-from tests.lti.random_plants import assert_same_set, pencil_zeros
+from tests.linear.random_plants import assert_same_set, pencil_zeros
 from tests.sims.scripts import summary_of
 
 

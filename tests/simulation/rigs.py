@@ -17,13 +17,13 @@ class Rig:
     plant: invtrack.Plant
     model: invtrack.SwitchedSystem
     reference: invtrack.PiecewiseSignal
-    nominal: invtrack.NominalTrajectory
+    plan: invtrack.Plan
     gains: invtrack.GainSchedule
     schedule: list[invtrack.Change]
 
     @property
     def controller(self) -> invtrack.TrackingController:
-        return invtrack.TrackingController(self.nominal, self.gains)
+        return invtrack.TrackingController(self.plan, self.gains)
 
 
 def cantilever_plant(measurements: tuple[str, ...] | None = None) -> invtrack.Plant:
@@ -39,12 +39,12 @@ def cantilever_plant(measurements: tuple[str, ...] | None = None) -> invtrack.Pl
 def cantilever_rig(tolerance: float = 1e-11, measurements: tuple[str, ...] | None = None) -> Rig:
     plant = cantilever_plant(measurements)
     model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=m) for m in MASSES], JUMPS)
-    reference = invtrack.versine()
+    reference = invtrack.raised_cosine(2.0)
     return Rig(
         plant=plant,
         model=model,
         reference=reference,
-        nominal=invtrack.invert(model, reference, tolerance=tolerance),
+        plan=invtrack.invert(model, reference, tolerance=tolerance),
         gains=invtrack.lqr(model, Q=100.0, R=0.01),
         schedule=[invtrack.Change(t, tip_mass=m) for t, m in zip(JUMPS, MASSES[1:], strict=True)],
     )

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import invtrack
-from invtrack.control.affine import AffineLaw
-from invtrack.control.protocol import Instants
+from invtrack.control.protocol import AffineLaw, Instants
 from tests.simulation.rigs import JUMPS, MASSES, Rig, cantilever_rig
 
 STEP = 1e-3
@@ -29,8 +28,8 @@ def run(rig: Rig) -> invtrack.RunResult:
 def short_run(rig: Rig, controller: invtrack.TrackingController | None = None, **options: object) -> invtrack.RunResult:
     """From the plan's state a little before the manoeuvre: what is looked at happens around the jumps."""
     start = -2.0
-    settings: dict[str, object] = {"schedule": rig.schedule, "timestep": 4e-3, "start": start, "stop": 8.0, **options}
-    return invtrack.simulate(rig.plant, controller or rig.controller, initial_state=rig.nominal(start).x[0], **settings)  # type: ignore[arg-type]
+    settings: dict[str, object] = {"schedule": rig.schedule, "timestep": 4e-3, "start": start, "end": 8.0, **options}
+    return invtrack.simulate(rig.plant, controller or rig.controller, initial_state=rig.plan(start).x[0], **settings)  # type: ignore[arg-type]
 
 
 def test_from_rest_the_tip_follows_through_both_jumps(run: invtrack.RunResult) -> None:
@@ -50,20 +49,20 @@ def test_residual_vibration_against_an_inverse_that_ignores_the_jumps(rig: Rig, 
 
 
 def test_the_feedback_has_nothing_to_do(rig: Rig, run: invtrack.RunResult) -> None:
-    feedforward = rig.nominal(run.time[:-1] + np.diff(run.time) / 2).u
+    feedforward = rig.plan(run.time[:-1] + np.diff(run.time) / 2).u
     effort = run.commanded.values - feedforward
     assert np.max(np.abs(effort)) <= 1e-6 * np.max(np.abs(feedforward))
     assert invtrack.peak_input(run) == pytest.approx(268, abs=1)
 
 
 def test_continuous_hold_is_exact_to_what_the_preactuation_leaves(rig: Rig) -> None:
-    result = invtrack.simulate(rig.plant, rig.controller, schedule=rig.schedule, timestep=4e-3, hold="continuous")
+    result = invtrack.simulate(rig.plant, rig.controller, schedule=rig.schedule, timestep=4e-3, evaluate="stages")
     assert invtrack.max_error(result) <= 1e-9
 
 
-@pytest.mark.parametrize(("hold", "steps", "order"), [("midpoint", (8e-3, 4e-3, 2e-3), 2), ("continuous", (0.16, 0.08, 0.04), 4)])
-def test_order_of_the_error_in_the_step(rig: Rig, hold: str, steps: tuple[float, ...], order: int) -> None:
-    errors = [invtrack.max_error(short_run(rig, hold=hold, timestep=step)) for step in steps]
+@pytest.mark.parametrize(("evaluate", "steps", "order"), [("held", (8e-3, 4e-3, 2e-3), 2), ("stages", (0.16, 0.08, 0.04), 4)])
+def test_order_of_the_error_in_the_step(rig: Rig, evaluate: str, steps: tuple[float, ...], order: int) -> None:
+    errors = [invtrack.max_error(short_run(rig, evaluate=evaluate, timestep=step)) for step in steps]
     slopes = np.diff(np.log(errors)) / np.diff(np.log(steps))
     np.testing.assert_allclose(slopes, order, atol=0.25)
 
@@ -123,9 +122,9 @@ def test_mutants_of_the_controller_break_the_tracking(rig: Rig) -> None:
     good = invtrack.max_error(short_run(rig))
     wrong_sign = invtrack.GainSchedule(tuple(-gain for gain in rig.gains.gains), rig.gains.switch_times)
     for mutant in (
-        invtrack.TrackingController(rig.nominal, wrong_sign),
-        LateController(rig.nominal, rig.gains),
-        WrongSideController(rig.nominal, rig.gains),
+        invtrack.TrackingController(rig.plan, wrong_sign),
+        LateController(rig.plan, rig.gains),
+        WrongSideController(rig.plan, rig.gains),
     ):
         result = short_run(rig, mutant)
         assert result.status == "diverged" or invtrack.max_error(result) > 20 * good

@@ -35,7 +35,7 @@ def oscillator(folder: Path, *, integrator: str = "RK4", stiffness: float = 8.0,
     )
 
 
-def plan(plant: invtrack.Plant, **options: float) -> invtrack.NominalTrajectory:
+def plan(plant: invtrack.Plant, **options: float) -> invtrack.Plan:
     return invtrack.invert(invtrack.linearize(plant), invtrack.rest_to_rest(0.0, 1.0, 1.0), **options)
 
 
@@ -49,8 +49,8 @@ def test_architecture_program_runs_as_written(tmp_path: Path) -> None:
     light, heavy = (invtrack.linearize(plant, tip_mass=m) for m in (0.0, 100.0))
     model = invtrack.SwitchedSystem([light, heavy], switch_times=[3.0])
     reference = invtrack.rest_to_rest(0.0, 2.0, duration=6.0)
-    nominal = invtrack.invert(model, reference)
-    controller = invtrack.TrackingController(nominal, gains=invtrack.lqr(model, Q=100.0, R=0.01))
+    plan = invtrack.invert(model, reference)
+    controller = invtrack.TrackingController(plan, gains=invtrack.lqr(model, Q=100.0, R=0.01))
     result = invtrack.simulate(plant, controller, schedule=[invtrack.Change(3.0, tip_mass=100.0)], timestep=5e-3)
     assert invtrack.residual_vibration(result) < 1e-5
     invtrack.save_recording(result, tmp_path / "run.rrd")
@@ -60,7 +60,7 @@ def test_architecture_program_runs_as_written(tmp_path: Path) -> None:
 def test_a_step_in_mass_keeps_position_and_velocity_and_changes_acceleration(tmp_path: Path) -> None:
     plant = oscillator(tmp_path, stiffness=0.0)
     controller = invtrack.TrackingController(plan(plant))
-    result = invtrack.simulate(plant, controller, schedule=[invtrack.Change(0.25, mass=4.0)], timestep=1e-3, stop=0.5)
+    result = invtrack.simulate(plant, controller, schedule=[invtrack.Change(0.25, mass=4.0)], timestep=1e-3, end=0.5)
     at = int(np.flatnonzero(result.time == 0.25)[0])
     acceleration = np.diff(result.state["slide velocity"]) / np.diff(result.time)
     u = result.applied["force"]
@@ -71,14 +71,14 @@ def test_a_step_in_mass_keeps_position_and_velocity_and_changes_acceleration(tmp
 
 def test_outputs_and_states_belong_to_the_same_instant(tmp_path: Path) -> None:
     plant = oscillator(tmp_path)
-    result = invtrack.simulate(plant, invtrack.TrackingController(plan(plant)), timestep=1e-2, stop=1.5)
+    result = invtrack.simulate(plant, invtrack.TrackingController(plan(plant)), timestep=1e-2, end=1.5)
     assert np.array_equal(result.output["position"], result.state["slide"])
 
 
 def test_saturation_is_the_actuators_and_both_inputs_are_kept(tmp_path: Path) -> None:
     plant = oscillator(tmp_path, limits='ctrllimited="true" ctrlrange="-5 5"')
     with pytest.warns(RuntimeWarning, match=r"the plan needs force from -4\.145 to 12\.14 N, its actuator passes on -5 to 5"):
-        result = invtrack.simulate(plant, invtrack.TrackingController(plan(plant)), timestep=1e-3, stop=2.0)
+        result = invtrack.simulate(plant, invtrack.TrackingController(plan(plant)), timestep=1e-3, end=2.0)
     assert invtrack.peak_input(result) == 5.0
     assert np.max(np.abs(result.commanded.values)) > 10
     assert invtrack.max_error(result) > 0.1
@@ -87,13 +87,13 @@ def test_saturation_is_the_actuators_and_both_inputs_are_kept(tmp_path: Path) ->
 def test_divergence_stops_the_run_with_time_and_cause_and_keeps_the_record(tmp_path: Path) -> None:
     plant = oscillator(tmp_path, stiffness=0.0)
     unstable = invtrack.TrackingController(plan(plant), np.array([[-400.0, -40.0]]))
-    result = invtrack.simulate(plant, unstable, timestep=1e-2, stop=60.0, initial_state=[1e-3, 0.0])
+    result = invtrack.simulate(plant, unstable, timestep=1e-2, end=60.0, initial_state=[1e-3, 0.0])
     assert result.status == "diverged"
     assert 0 < result.time[-1] < 60
     assert "MuJoCo reports" in result.message
     assert np.all(np.isfinite(result.state.values))
     assert len(result.time) == len(result.state.values) == len(result.commanded.values) + 1
-    assert result.events[-1].kind == "stop"
+    assert result.events[-1].kind == "end"
 
 
 def test_period_of_the_slowest_mode(tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_period_of_the_slowest_mode(tmp_path: Path) -> None:
 
 def test_two_runs_at_once_do_not_see_each_others_callbacks(tmp_path: Path) -> None:
     plant = oscillator(tmp_path)
-    alone = invtrack.simulate(plant, invtrack.TrackingController(plan(plant)), timestep=1e-2, stop=1.0, hold="continuous")
+    alone = invtrack.simulate(plant, invtrack.TrackingController(plan(plant)), timestep=1e-2, end=1.0, evaluate="stages")
     other = oscillator(tmp_path, stiffness=50.0)
 
     def disturb(share: float) -> None:
@@ -113,7 +113,7 @@ def test_two_runs_at_once_do_not_see_each_others_callbacks(tmp_path: Path) -> No
         mujoco.mj_step(other.model, data)
 
     result = invtrack.simulate(
-        plant, invtrack.TrackingController(plan(plant)), timestep=1e-2, stop=1.0, hold="continuous", progress=disturb
+        plant, invtrack.TrackingController(plan(plant)), timestep=1e-2, end=1.0, evaluate="stages", progress=disturb
     )
     assert result.equals(alone)
     assert mujoco.get_mjcb_control() is None
@@ -126,9 +126,7 @@ def test_callback_is_cleared_after_an_exception(tmp_path: Path) -> None:
         raise RuntimeError("stop here")
 
     with pytest.raises(RuntimeError, match="stop here"):
-        invtrack.simulate(
-            plant, invtrack.TrackingController(plan(plant)), timestep=1e-2, hold="continuous", stop=1.0, progress=fail
-        )
+        invtrack.simulate(plant, invtrack.TrackingController(plan(plant)), timestep=1e-2, evaluate="stages", end=1.0, progress=fail)
     assert mujoco.get_mjcb_control() is None
 
 
@@ -136,8 +134,8 @@ def test_callback_is_cleared_after_an_exception(tmp_path: Path) -> None:
     ("options", "message"),
     [
         ({"timestep": -1e-3}, "time step must be a positive number"),
-        ({"start": 2.0, "stop": 1.0}, "must stop after it starts"),
-        ({"hold": "end"}, "hold must be"),
+        ({"start": 2.0, "end": 1.0}, "must end after it starts"),
+        ({"evaluate": "end"}, "evaluate must be"),
         ({"initial_state": [0.0]}, r"expected \(2,\): slide, slide velocity"),
         ({"schedule": [invtrack.Change(0.5, masse=1.0)]}, "the plant's are: mass"),
         ({"schedule": [invtrack.Change(0.5, mass=1.0), invtrack.Change(0.5, mass=2.0)]}, "two changes at"),
@@ -152,7 +150,7 @@ def test_bad_requests_are_refused(tmp_path: Path, options: dict[str, object], me
 def test_continuous_hold_needs_the_stages_of_rk4(tmp_path: Path) -> None:
     plant = oscillator(tmp_path, integrator="Euler")
     with pytest.raises(SimulationError, match="stages of RK4"):
-        invtrack.simulate(plant, invtrack.TrackingController(plan(plant)), hold="continuous")
+        invtrack.simulate(plant, invtrack.TrackingController(plan(plant)), evaluate="stages")
 
 
 def test_a_plan_for_another_plant_is_refused(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ SLEW = invtrack.rest_to_rest(0.0, 1.0, 1.0)
 
 def test_a_plan_is_no_controller() -> None:
     plan = invtrack.invert(POINT_MASS, SLEW)
-    with pytest.raises(SimulationError, match=r"expected a controller, got NominalTrajectory.*TrackingController\(plan, gains\)"):
+    with pytest.raises(SimulationError, match=r"expected a controller, got Plan.*TrackingController\(plan, gains\)"):
         invtrack.simulate(invtrack.LinearPlant(POINT_MASS), plan)  # type: ignore[arg-type]
 
 

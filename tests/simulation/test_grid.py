@@ -25,8 +25,8 @@ def test_every_breakpoint_is_a_step_boundary_exactly() -> None:
 def test_steps_fill_the_span_evenly_and_never_exceed_the_limit(
     start: float, length: float, shares: list[float], timestep: float
 ) -> None:
-    stop = start + length
-    grid = make_grid(start, stop, [start + share * length for share in shares], timestep)
+    end = start + length
+    grid = make_grid(start, end, [start + share * length for share in shares], timestep)
     steps = np.diff(grid.time)
     assert np.all(steps > 0)
     assert np.all(grid.step <= timestep * (1 + 1e-8))
@@ -46,14 +46,14 @@ def test_a_whole_number_of_steps_is_not_made_one_longer_by_rounding() -> None:
 
 
 @pytest.mark.parametrize(
-    ("start", "stop", "timestep", "message"),
+    ("start", "end", "timestep", "message"),
     [
         (0.0, 1.0, 0.0, "time step"),
         (0.0, 1.0, np.nan, "time step"),
-        (1.0, 1.0, 0.1, "must stop after it starts"),
-        (0.0, np.inf, 0.1, "stop"),
+        (1.0, 1.0, 0.1, "must end after it starts"),
+        (0.0, np.inf, 0.1, "end"),
     ],
 )
-def test_impossible_grids_are_refused(start: float, stop: float, timestep: float, message: str) -> None:
+def test_impossible_grids_are_refused(start: float, end: float, timestep: float, message: str) -> None:
     with pytest.raises(SimulationError, match=message):
-        make_grid(start, stop, [], timestep)
+        make_grid(start, end, [], timestep)

@@ -22,15 +22,15 @@ def rig() -> Rig:
 
 
 def run(rig: Rig, plant: invtrack.Plant | invtrack.LinearPlant, controller: object, **options: object) -> invtrack.RunResult:
-    settings: dict[str, object] = {"timestep": 2e-3, "start": START, "stop": STOP, **options}
-    settings.setdefault("initial_state", rig.nominal(START).x[0])
+    settings: dict[str, object] = {"timestep": 2e-3, "start": START, "end": STOP, **options}
+    settings.setdefault("initial_state", rig.plan(START).x[0])
     if plant is rig.plant:
         settings.setdefault("schedule", rig.schedule)
     return invtrack.simulate(plant, controller, **settings)  # type: ignore[arg-type]
 
 
 def with_observer(rig: Rig, **options: object) -> invtrack.OutputFeedbackController:
-    return invtrack.OutputFeedbackController(rig.nominal, rig.gains, invtrack.LuenbergerObserver(POLES), **options)  # type: ignore[arg-type]
+    return invtrack.OutputFeedbackController(rig.plan, rig.gains, invtrack.LuenbergerObserver(POLES), **options)  # type: ignore[arg-type]
 
 
 def test_linear_model_predicts_the_physics(rig: Rig) -> None:
@@ -39,7 +39,7 @@ def test_linear_model_predicts_the_physics(rig: Rig) -> None:
         "tip_position": invtrack.Sensor(noise=1e-3, quantization=1e-4),
         "base_position": invtrack.Sensor(noise=1e-3, delay=0.015),
     }
-    state = invtrack.TrackingController(rig.nominal, rig.gains, period=0.01)
+    state = invtrack.TrackingController(rig.plan, rig.gains, period=0.01)
     for controller, sensors in ((state, {}), (with_observer(rig, period=0.01), noise)):
         physics = run(rig, rig.plant, controller, sensors=sensors)
         prediction = run(rig, linear, controller, sensors=sensors)
@@ -50,14 +50,14 @@ def test_linear_model_predicts_the_physics(rig: Rig) -> None:
 
 def test_linear_plant_tracks_to_the_same_order(rig: Rig) -> None:
     linear = invtrack.LinearPlant(rig.model)
-    for hold, steps, order in (("midpoint", (8e-3, 4e-3), 2), ("continuous", (0.16, 0.08), 4)):
-        errors = [invtrack.max_error(run(rig, linear, rig.controller, hold=hold, timestep=step)) for step in steps]
+    for evaluate, steps, order in (("held", (8e-3, 4e-3), 2), ("stages", (0.16, 0.08), 4)):
+        errors = [invtrack.max_error(run(rig, linear, rig.controller, evaluate=evaluate, timestep=step)) for step in steps]
         assert np.log(errors[0] / errors[1]) / np.log(steps[0] / steps[1]) == pytest.approx(order, abs=0.25)
 
 
 def test_without_noise_the_observer_costs_nothing_on_the_plan(rig: Rig) -> None:
     """Also where the plant jumps within a hold: what holding the input does there is known and not left for the sensors to find."""
-    state = run(rig, rig.plant, invtrack.TrackingController(rig.nominal, rig.gains, period=0.05))
+    state = run(rig, rig.plant, invtrack.TrackingController(rig.plan, rig.gains, period=0.05))
     observed = run(rig, rig.plant, with_observer(rig, period=0.05))
     size = np.max(np.abs(state.error))
     np.testing.assert_allclose(observed.error, state.error, atol=1e-3 * size)
@@ -65,7 +65,7 @@ def test_without_noise_the_observer_costs_nothing_on_the_plan(rig: Rig) -> None:
 
 def test_a_wrong_start_is_estimated_away_at_the_observers_rate(rig: Rig) -> None:
     linear = invtrack.LinearPlant(rig.model)
-    wrong = rig.nominal(START).x[0] + np.array([0.1, -0.05, 0.2, 0.0, 0.1, 0.0])
+    wrong = rig.plan(START).x[0] + np.array([0.1, -0.05, 0.2, 0.0, 0.1, 0.0])
     result = run(rig, linear, with_observer(rig), initial_state=wrong)
     error = np.linalg.norm(result.estimate.values - result.state.values[:-1], axis=1)
     assert error[0] > 0.05
@@ -82,7 +82,7 @@ def test_kalman_filter_is_the_better_estimator_for_the_noise_it_is_designed_for(
         ("kalman", invtrack.KalmanFilter(input_noise=1e-2, measurement_noise=2e-3)),
         ("fast poles", invtrack.LuenbergerObserver([3 * pole for pole in POLES])),
     ):
-        controller = invtrack.OutputFeedbackController(rig.nominal, rig.gains, observer, period=0.01)
+        controller = invtrack.OutputFeedbackController(rig.plan, rig.gains, observer, period=0.01)
         result = run(rig, linear, controller, sensors=sensors)
         spread[name] = np.std(result.estimate.values - result.state.values[:-1], axis=0)
     assert np.all(spread["kalman"] < spread["fast poles"])
@@ -97,7 +97,7 @@ def test_a_known_delay_is_compensated(rig: Rig) -> None:
 
 
 def test_input_is_held_between_updates_and_its_mean_costs_second_order(rig: Rig) -> None:
-    controller = invtrack.TrackingController(rig.nominal, rig.gains, period=0.05)
+    controller = invtrack.TrackingController(rig.plan, rig.gains, period=0.05)
     result = run(rig, rig.plant, controller)
     changes = np.flatnonzero(np.diff(result.commanded["base_force"]) != 0) + 1
     phase = (result.time[changes] - START) / 0.05
@@ -106,7 +106,7 @@ def test_input_is_held_between_updates_and_its_mean_costs_second_order(rig: Rig)
     # How much a hold that straddles a jump costs depends on where the jump falls in it, so the order shows over a wide range only.
     periods = (0.08, 0.01)
     errors = [
-        invtrack.max_error(run(rig, rig.plant, invtrack.TrackingController(rig.nominal, rig.gains, period=period)))
+        invtrack.max_error(run(rig, rig.plant, invtrack.TrackingController(rig.plan, rig.gains, period=period)))
         for period in periods
     ]
     assert np.log(errors[0] / errors[1]) / np.log(periods[0] / periods[1]) == pytest.approx(2.0, abs=0.4)
@@ -115,15 +115,15 @@ def test_input_is_held_between_updates_and_its_mean_costs_second_order(rig: Rig)
 def test_the_same_seed_gives_the_same_noise(rig: Rig) -> None:
     linear = invtrack.LinearPlant(rig.model)
     noise = {"tip_position": invtrack.Sensor(noise=1e-3)}
-    first, second = (run(rig, linear, with_observer(rig), sensors=noise, seed=3, stop=0.0) for _ in range(2))
-    other = run(rig, linear, with_observer(rig), sensors=noise, seed=4, stop=0.0)
+    first, second = (run(rig, linear, with_observer(rig), sensors=noise, seed=3, end=0.0) for _ in range(2))
+    other = run(rig, linear, with_observer(rig), sensors=noise, seed=4, end=0.0)
     assert first.equals(second)
     assert not first.equals(other)
 
 
 def test_sensor_values_are_recorded_and_read_back(rig: Rig, tmp_path: Path) -> None:
     result = run(
-        rig, rig.plant, with_observer(rig, period=0.01), stop=0.0, sensors={"tip_position": invtrack.Sensor(quantization=1e-3)}
+        rig, rig.plant, with_observer(rig, period=0.01), end=0.0, sensors={"tip_position": invtrack.Sensor(quantization=1e-3)}
     )
     digits = result.measured["tip_position"] / 1e-3
     np.testing.assert_allclose(digits, np.rint(digits), atol=1e-9)
@@ -161,7 +161,7 @@ def test_switch_times_of_the_linear_plant_are_its_own(rig: Rig) -> None:
     ("options", "message"),
     [
         ({"sensors": {"tip": invtrack.Sensor()}}, "the plant's measurements are: base_position, tip_position"),
-        ({"hold": "continuous"}, "without a state"),
+        ({"evaluate": "stages"}, "without a state"),
         ({"schedule": [invtrack.Change(1.0, tip_mass=2.0)]}, "switches by its own switch times"),
     ],
 )

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.inversion.bounded_solution.boundary_value import Conditions
 from invtrack.inversion.bounded_solution.intervals import Interval, make_interval
 from invtrack.inversion.bounded_solution.junctions import junction_conditions
 from invtrack.inversion.bounded_solution.pieces import Correction, InversePiece, inverse_piece
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.lti.zero_dynamics import SplitDynamics
-from invtrack.signals.decay import Departure
-from invtrack.signals.nominal import TwoSidedTrajectory
-from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.linear.internal_dynamics import SplitDynamics
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.boundary_value import Conditions
+from invtrack.plans.ends import Departure
+from invtrack.plans.plan import TwoSidedTrajectory
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.inversion.bounded_solution.pieces import InversePiece
-from invtrack.lti.propagation import Propagator
-from invtrack.lti.recurrence import forced_states
-from invtrack.lti.zero_dynamics import SplitDynamics
-from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.linear.internal_dynamics import SplitDynamics
+from invtrack.linear.propagation import Propagator, forced_states
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
 

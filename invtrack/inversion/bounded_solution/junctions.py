@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.inversion.bounded_solution.boundary_value import Conditions
 from invtrack.inversion.bounded_solution.intervals import Interval
-from invtrack.lti.zero_dynamics import SplitDynamics
+from invtrack.linear.internal_dynamics import SplitDynamics
+from invtrack.plans.boundary_value import Conditions
 
 Array = NDArray[np.float64]
 

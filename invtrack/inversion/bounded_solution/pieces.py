@@ -9,10 +9,10 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from invtrack.errors import InversionError
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.zero_dynamics import SplitDynamics
-from invtrack.signals.nominal import TwoSidedGenerator
-from invtrack.signals.piecewise import Generator
+from invtrack.linear.internal_dynamics import SplitDynamics
+from invtrack.linear.state_space import StateSpace
+from invtrack.plans.plan import TwoSidedGenerator
+from invtrack.references.signal import Generator
 
 Array = NDArray[np.float64]
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.lti.zero_dynamics import SplitDynamics, split_dynamics
+from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
+from invtrack.linear.switched import SwitchedSystem
 
 
 def split_each(plant: SwitchedSystem) -> list[SplitDynamics]:

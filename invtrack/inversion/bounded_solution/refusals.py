@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from invtrack.errors import BoundednessError, CompatibilityError, InversionError, TrajectoryError
 from invtrack.inversion.bounded_solution.assembly import Assembly
-from invtrack.inversion.bounded_solution.boundary_value import BoundaryValueSolution
 from invtrack.inversion.bounded_solution.junctions import SAME_ROW_TOLERANCE
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.lti.zero_dynamics import SplitDynamics
-from invtrack.signals.nominal import Certificate
-from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.linear.internal_dynamics import SplitDynamics
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.boundary_value import BoundaryValueSolution
+from invtrack.plans.plan import Certificate
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
 

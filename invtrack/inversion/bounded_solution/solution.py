@@ -10,14 +10,14 @@ import numpy as np
 
 from invtrack.errors import InversionError
 from invtrack.inversion.bounded_solution.assembly import Assembly, assemble
-from invtrack.inversion.bounded_solution.boundary_value import BoundaryValueSolution, solve
 from invtrack.inversion.bounded_solution.pieces import Correction
 from invtrack.inversion.bounded_solution.refusals import require_consistent
-from invtrack.lti.switched import SwitchedSystem
-from invtrack.lti.zero_dynamics import SplitDynamics
-from invtrack.signals.decay import Departure
-from invtrack.signals.nominal import TwoSidedTrajectory
-from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.linear.internal_dynamics import SplitDynamics
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.boundary_value import BoundaryValueSolution, solve
+from invtrack.plans.ends import Departure
+from invtrack.plans.plan import TwoSidedTrajectory
+from invtrack.references.signal import PiecewiseSignal
 
 AT_REST = 1e-12
 """A reference that departs from the operating point by no more than this share of its values asks for no motion."""
@@ -32,7 +32,7 @@ class BoundedSolution:
     trajectory: TwoSidedTrajectory
 
     @property
-    def support(self) -> tuple[float, float]:
+    def manoeuvre(self) -> tuple[float, float]:
         """First and last breakpoint [s]: the manoeuvre."""
         return float(self.trajectory.breakpoints[0]), float(self.trajectory.breakpoints[-1])
 

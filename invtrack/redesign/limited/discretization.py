@@ -8,11 +8,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from invtrack.lti.balancing import balancing_scale
-from invtrack.lti.state_space import StateSpace
-from invtrack.lti.switched import SwitchedSystem
+from invtrack.linear.scaling import balancing_scale
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem
 from invtrack.redesign.weights import Weights
-from invtrack.signals.piecewise import JUMP_TOLERANCE, Generator, PiecewiseSignal
+from invtrack.references.signal import JUMP_TOLERANCE, Generator, PiecewiseSignal
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -71,7 +71,7 @@ class Grid:
 
 
 def grid_times(edges: Array, step: float | Array) -> tuple[Array, Array]:
-    """Times (N + 1,) with all of `edges` among them and even steps between; nominal lengths (N,).
+    """Times (N + 1,) with all of `edges` among them and even steps between; plan lengths (N,).
 
     step: longest step [s], one for all or one for each gap between edges.
     """

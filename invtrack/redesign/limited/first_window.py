@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import RedesignError
-from invtrack.lti.switched import SwitchedSystem
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.ends import decay_time
+from invtrack.plans.plan import TwoSidedTrajectory
 from invtrack.redesign.limited.discretization import step_counts
 from invtrack.redesign.limited.limit_check import differentiated
 from invtrack.redesign.limited.tails import Tail
 from invtrack.redesign.limits import Bound
 from invtrack.redesign.weights import Weights
-from invtrack.signals.decay import decay_time
-from invtrack.signals.nominal import TwoSidedTrajectory
-from invtrack.signals.piecewise import PiecewiseSignal
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ class LimitedProblem:
 def first_window(problem: LimitedProblem, step: float | None) -> tuple[tuple[Array, Array], tuple[float, float], float]:
     """Units of states and inputs, time [s] before and after the manoeuvre, and the longest step [s]."""
     n, p = problem.plant.systems[0].n_states, problem.plant.systems[0].n_channels
-    start, end = problem.reference.support
+    start, end = problem.reference.manoeuvre
     edges = problem.free.breakpoints
     per_piece = max(33, SAMPLES // len(edges))
     inner = np.append(np.linspace(edges[:-1], edges[1:], per_piece, endpoint=False, axis=1).ravel(), edges[-1])

@@ -1,4 +1,4 @@
-"""Whether a trajectory keeps within limits at every instant, and where it touches them."""
+"""Instants at which limits on states and outputs are imposed."""
 
 from __future__ import annotations
 
@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.lti.propagation import flow
+from invtrack.linear.propagation import flow
+from invtrack.plans.plan import TwoSidedTrajectory
+from invtrack.redesign.limited.discretization import Grid
 from invtrack.redesign.limited.tails import Tail
 from invtrack.redesign.limits import Bound
-from invtrack.signals.nominal import TwoSidedTrajectory
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
 
 TOUCHING = 1e-5
 """A value nearer to its limit than this share of the limit's size counts as on it."""
@@ -27,6 +29,34 @@ TAIL_SAMPLES = 4000
 
 TAIL_DECAY = 40.0
 """Time constants of its slowest mode over which a tail is looked at."""
+
+
+@dataclass(frozen=True, eq=False)
+class PathPoints:
+    """Where limits on states and outputs are imposed: number of the bound, step and share of that step, all (k,)."""
+
+    bound: Indices
+    step: Indices
+    share: Array
+
+    def joined(self, other: PathPoints) -> PathPoints:
+        """Both sets."""
+        return PathPoints(
+            np.concatenate([self.bound, other.bound]),
+            np.concatenate([self.step, other.step]),
+            np.concatenate([self.share, other.share]),
+        )
+
+
+def grid_points(grid: Grid, bounds: Sequence[Bound]) -> PathPoints:
+    """Every limit on states and outputs at the start of every step, and at the end of those where the next one differs."""
+    steps = len(grid.kind)
+    switches = np.flatnonzero(np.diff([id(grid.steps[k].system) for k in grid.kind]))
+    ends = np.unique(np.concatenate([grid.jumps - 1, switches, [steps - 1]]))
+    step = np.concatenate([np.arange(steps), ends])
+    share = np.concatenate([np.zeros(steps), np.ones(len(ends))])
+    numbers = [k for k, bound in enumerate(bounds) if bound.kind == "path"]
+    return PathPoints(np.repeat(numbers, len(step)).astype(np.intp), np.tile(step, len(numbers)), np.tile(share, len(numbers)))
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from invtrack.plans.ends import Departure
+from invtrack.plans.plan import TwoSidedGenerator, TwoSidedTrajectory
 from invtrack.redesign.weights import Weights
-from invtrack.signals.decay import Departure
-from invtrack.signals.nominal import TwoSidedGenerator, TwoSidedTrajectory
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,8 @@
-"""The limited redesign over a window as a quadratic programme in the states and inputs of its steps and in its two tails."""
+"""Sparse matrices as sums of small blocks that repeat."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,17 +10,34 @@ import scipy.sparse
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from invtrack.lti.state_space import StateSpace
+from invtrack.linear.state_space import StateSpace
+from invtrack.plans.plan import TwoSidedGenerator, TwoSidedTrajectory
 from invtrack.redesign.limited.discretization import Grid
-from invtrack.redesign.limited.path_points import PathPoints
+from invtrack.redesign.limited.limit_check import PathPoints
 from invtrack.redesign.limited.quadratic_program import QuadraticProgram
-from invtrack.redesign.limited.sparse_blocks import entries_of, sparse_sum
 from invtrack.redesign.limited.tails import Tail
 from invtrack.redesign.limits import Bound
-from invtrack.signals.nominal import TwoSidedGenerator, TwoSidedTrajectory
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
+
+Entries = tuple[Array, Indices, Indices]
+
+
+def entries_of(block: Array, rows: Indices, columns: Indices) -> Entries:
+    """The same block (r, c) at rows (k, r) and columns (k, c), k times."""
+    shape = (len(rows), *block.shape)
+    return (
+        np.broadcast_to(block, shape).ravel(),
+        np.broadcast_to(rows[:, :, None], shape).ravel(),
+        np.broadcast_to(columns[:, None, :], shape).ravel(),
+    )
+
+
+def sparse_sum(entries: Sequence[Entries], shape: tuple[int, int]) -> csr_array:
+    """The sum of all entries."""
+    data, rows, columns = (np.concatenate([entry[k] for entry in entries]) for k in range(3))
+    return scipy.sparse.csr_array(scipy.sparse.coo_array((data, (rows, columns)), shape=shape))
 
 
 @dataclass(frozen=True, eq=False)

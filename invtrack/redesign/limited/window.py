@@ -8,15 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import RedesignError
+from invtrack.plans.plan import TwoSidedTrajectory
 from invtrack.redesign.limited.discretization import make_grid
 from invtrack.redesign.limited.first_window import SAMPLES, LimitedProblem, first_window, require_steps, window_edges
-from invtrack.redesign.limited.infeasibility import explain
-from invtrack.redesign.limited.limit_check import tail_excess, values_between, worst_within_steps
-from invtrack.redesign.limited.path_points import PathPoints, grid_points
-from invtrack.redesign.limited.quadratic_program import QuadraticProgram, SolverGaveUpError
+from invtrack.redesign.limited.limit_check import PathPoints, grid_points, tail_excess, values_between, worst_within_steps
+from invtrack.redesign.limited.quadratic_program import QuadraticProgram, SolverGaveUpError, explain
 from invtrack.redesign.limited.transcription import Transcription
 from invtrack.redesign.limits import Bound
-from invtrack.signals.nominal import TwoSidedTrajectory
 
 Array = NDArray[np.float64]
 

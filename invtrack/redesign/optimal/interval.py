@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.lti.propagation import Propagator
-from invtrack.lti.recurrence import forced_states
+from invtrack.linear.propagation import Propagator, forced_states
+from invtrack.plans.plan import TwoSidedGenerator
 from invtrack.redesign.optimal.optimum import Optimum
-from invtrack.signals.nominal import TwoSidedGenerator
-from invtrack.signals.piecewise import Generator, PiecewiseSignal
+from invtrack.references.signal import Generator, PiecewiseSignal
 
 Array = NDArray[np.float64]
 

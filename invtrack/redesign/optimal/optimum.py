@@ -10,8 +10,8 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from invtrack.errors import RedesignError
-from invtrack.lti.balancing import balancing_scale
-from invtrack.lti.state_space import StateSpace
+from invtrack.linear.scaling import balancing_scale
+from invtrack.linear.state_space import StateSpace
 from invtrack.redesign.weights import Weights, square_root
 
 Array = NDArray[np.float64]

@@ -1,0 +1,158 @@
+"""Output regulation through jumps in feedback form: u = F(t) x_e - K (x - G(t) x_e)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.checks import real_numbers
+from invtrack.control.exosystem_observer import ExosystemObserver, states_within_holds
+from invtrack.control.gains import GainSchedule
+from invtrack.control.observer import Observer, measured
+from invtrack.control.output_feedback import OutputFeedbackLaw, design_holds, drift_of, measured_in
+from invtrack.control.protocol import AffineLaw, Instants
+from invtrack.control.tracking_controller import PlanFollower
+from invtrack.errors import ControlError
+from invtrack.plans.plan import Plan
+from invtrack.regulation.regulation_map import RegulationMap
+
+Array = NDArray[np.float64]
+
+CHUNK = 32768
+"""Instants at which a map is evaluated at once: G(t) has n q entries at each."""
+
+AGREEMENT = 1e-6
+"""The output that a stated plan wants must be the exosystem's to this share of its size."""
+
+
+class ExosystemController(PlanFollower):
+    """u = F(t) x_hat_e - K_k (x_hat - G(t) x_hat_e): the exosystem's state and the plant's, each known or estimated.
+
+    regulation: the maps G(t), F(t), exact ones or those of Francis regulators. gains, period: see PlanFollower. F(t) x_hat_e is
+    averaged over each hold, through which the exosystem runs on from x_hat_e.
+
+    exosystem_state (q,): the true x_e at time `at` [s] (T_i of the map unless stated); it makes the wanted output. plan: the
+    plan for this output that sets the span of a run and what states are measured against; `regulation.plan(exosystem_state)`
+    unless stated. That of a Francis regulator is no motion of the plant: state the exact map's to compare both on equal terms.
+
+    exosystem_observer: estimates x_e from y_d, sampled at each update with noise of standard deviation `reference_noise` (drawn
+    with `seed`), from `initial_estimate` (q,) on, zero unless stated; None: x_e is known. state_observer: estimates x from the
+    plant's sensors, from G x_hat_e on; None: x is measured. The error of x_hat_e acts on the plant but not the plant on it, a
+    cascade, so the poles of closed loop and estimators are those that they were designed for.
+
+    Raises ControlError for what does not fit together or cannot be estimated. Source: Devasia, Paden, Rossi 1996, section 4.
+    """
+
+    def __init__(
+        self,
+        regulation: RegulationMap,
+        gains: GainSchedule | ArrayLike | None,
+        *,
+        exosystem_state: ArrayLike,
+        at: float | None = None,
+        plan: Plan | None = None,
+        exosystem_observer: Observer | None = None,
+        initial_estimate: ArrayLike | None = None,
+        reference_noise: float = 0.0,
+        seed: int = 0,
+        state_observer: Observer | None = None,
+        period: float | None = None,
+    ) -> None:
+        if not isinstance(regulation, RegulationMap):
+            raise ControlError(f"expected a RegulationMap, such as exosystem_map(...), got {type(regulation).__name__}")
+        exosystem, T_i = regulation.exosystem, regulation.manoeuvre[0]
+        # At T_i, a breakpoint of the map and so of the run: signals are to have no breakpoints that a run does not know.
+        true = exosystem.states(exosystem_state, T_i if at is None else at, T_i)
+        self._wanted = exosystem.reference(true, at=T_i)
+        super().__init__(regulation.plan(true) if plan is None else plan, gains, period)
+        self._regulation, self._true, self._at = regulation, true, T_i
+        if not 0 <= reference_noise < np.inf:
+            raise ControlError(f"reference_noise must be finite and not negative, got {reference_noise}")
+        if exosystem_observer is None and (initial_estimate is not None or reference_noise > 0):
+            raise ControlError(
+                "initial_estimate and reference_noise are for an estimated exosystem; give an exosystem_observer too"
+            )
+        self._observer = None if exosystem_observer is None else ExosystemObserver(exosystem, exosystem_observer)
+        self._initial = (
+            np.zeros(exosystem.n_states) if initial_estimate is None else real_numbers("initial_estimate", initial_estimate)
+        )
+        if self._initial.shape != (exosystem.n_states,) or not np.all(np.isfinite(self._initial)):
+            raise ControlError(
+                f"expected a finite initial_estimate of the states {list(exosystem.names)}, got {initial_estimate!r}"
+            )
+        self._noise, self._seed = reference_noise, seed
+        self._state_observer = state_observer
+        if state_observer is not None:
+            for system in self.plan.model.systems:
+                measured(system)
+        self._require_fit()
+
+    def _require_fit(self) -> None:
+        mine, plans = self._regulation.model.systems[0], self.plan.model.systems[0]
+        for kind in ("state_names", "input_names", "output_names"):
+            if getattr(mine, kind) != getattr(plans, kind):
+                raise ControlError(f"the map has {kind} {list(getattr(mine, kind))}, the plan {list(getattr(plans, kind))}")
+        edges = np.unique(np.concatenate([self._regulation.breakpoints, self.plan.breakpoints]))
+        times = np.concatenate([edges[:1] - 1.0, (edges[:-1] + edges[1:]) / 2, edges[-1:] + 1.0])
+        wanted = self.plan.reference(times) - plans.operating_point.y0
+        apart = np.max(np.abs(self._wanted(times) - wanted))
+        if apart > AGREEMENT * np.max(np.abs(wanted)):
+            raise ControlError(
+                f"the plan's wanted output is {apart:.3g} away from that of the exosystem in the state stated; make `plan` for "
+                "the same exosystem and state, such as exosystem_map(model, exosystem).plan(exosystem_state)"
+            )
+
+    @property
+    def regulation(self) -> RegulationMap:
+        """The maps G(t) and F(t)."""
+        return self._regulation
+
+    @property
+    def breakpoints(self) -> Array:
+        """Breakpoints of the plan and of the maps, switch times of the gains [s]."""
+        return np.union1d(super().breakpoints, self._regulation.breakpoints)
+
+    @property
+    def measures(self) -> Literal["state", "sensors"]:
+        """The sensors where the state is estimated."""
+        return "state" if self._state_observer is None else "sensors"
+
+    @property
+    def stateless(self) -> bool:
+        """Whether both states are known: an estimate is a state of the controller."""
+        return self._state_observer is None and self._observer is None
+
+    def exosystem_states(self, instants: Instants) -> Array:
+        """x_hat_e (m, q) at the instants of a run: the true states, or the estimates from the samples of y_d up to each instant."""
+        if self._observer is None:
+            return self._regulation.exosystem.states(self._true, self._at, instants.time, inside=instants.inside)
+        samples = self._wanted(instants.time, inside=instants.inside)
+        samples += self._noise * np.random.default_rng(self._seed).standard_normal(samples.shape)
+        return self._observer.estimates(instants, samples, self._initial)
+
+    def begin(self, instants: Instants) -> AffineLaw | OutputFeedbackLaw:
+        """The law for one run: y_d is known, so the exosystem's estimates and all that follows from them are worked out here."""
+        regulation, model = self._regulation, self.plan.model
+        states = self.exosystem_states(instants)
+        x_ref = _applied(regulation.x_map, instants.time, instants.inside, states)
+        within = states_within_holds(regulation.exosystem, instants, states)
+        feedforward = instants.mean_over_hold(lambda times, inside: _applied(regulation.u_map, times, inside, within))
+        u_0 = model.systems[0].operating_point.u0
+        if self._state_observer is None:
+            return AffineLaw.around(feedforward + u_0, x_ref, self.gains, instants.inside)
+        designs = design_holds(model, self.gains, self._state_observer, instants)
+        # G x_hat_e is no motion of the plant while x_hat_e is being corrected, nor where the map is not exact.
+        drift = drift_of(x_ref, feedforward, designs)
+        return OutputFeedbackLaw(feedforward + u_0, x_ref, measured_in(model, instants, x_ref), designs, drift)
+
+
+def _applied(map_at: Callable[..., Array], times: Array, inside: Array, states: Array) -> Array:
+    """map(t_i) states_i (m, .) for a map of time, G or F, and exosystem states (m, q)."""
+    parts = [
+        np.einsum("mkq,mq->mk", map_at(times[part], inside=inside[part]), states[part])
+        for part in (slice(first, first + CHUNK) for first in range(0, len(times), CHUNK))
+    ]
+    return np.concatenate(parts)

@@ -1,0 +1,136 @@
+"""Quantities over a swept parameter, predicted by the linear model and measured in physics."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from invtrack.errors import InvtrackError
+from invtrack.figures.panels import draw_line, draw_magnitudes
+from invtrack.figures.style import REFERENCE, line_looks, new_figure, shared_style
+
+Array = NDArray[np.float64]
+
+ComplexArray = NDArray[np.complex128]
+
+INCHES_PER_PANEL = 2.0
+
+
+def sweep_figure(
+    title: str,
+    *,
+    label: str,
+    values: Sequence[float],
+    predicted: Mapping[str, Sequence[float]],
+    measured: Mapping[str, Sequence[float]],
+    quantity: str,
+) -> Figure:
+    """Lines for what is predicted, markers for what is measured, one colour per curve.
+
+    label: of the swept parameter, with its unit; values: its values; predicted, measured: curve by name, one number per value;
+    quantity: label of the vertical axis, with its unit. Raises InvtrackError where lengths differ.
+    """
+    for name, curve in (*predicted.items(), *measured.items()):
+        if len(curve) != len(values):
+            raise InvtrackError(f"curve {name!r} has {len(curve)} points for {len(values)} values of {label}")
+    with shared_style():
+        figure = new_figure(title, width=8.0, height=4.0)
+        axes = figure.add_subplot()
+        for (name, curve), look in zip(predicted.items(), line_looks(len(predicted)), strict=True):
+            axes.plot(values, curve, label=f"{name}, predicted", color=look["color"], linestyle=look["linestyle"])
+            if name in measured:
+                markers = {"linestyle": "none", "marker": "o", "markersize": 4.0}
+                axes.plot(values, measured[name], label=f"{name}, measured", color=look["color"], **markers)  # type: ignore[arg-type]
+        axes.set_xlabel(label)
+        axes.set_ylabel(quantity)
+        axes.legend(loc="best", frameon=True, framealpha=0.75, edgecolor="none")
+    return figure
+
+
+@dataclass(frozen=True, eq=False)
+class Decay:
+    """An error over time: values (m,) at times (m,) [s], named with its unit, and the rate [1/s] at which it should fall."""
+
+    label: str
+    time: Array
+    values: Array
+    rate: float
+
+    def expected(self) -> Array:
+        """exp(-rate t) through the error's largest value, so measured, in the second half of the time (m,)."""
+        since = self.time - self.time[0]
+        late = since >= since[-1] / 2
+        height = np.max(np.abs(self.values[late]) * np.exp(self.rate * (since[late] - since[-1])))
+        return np.asarray(height * np.exp(self.rate * (since[-1] - since)))
+
+
+def decay_figure(title: str, decays: Sequence[Decay]) -> Figure:
+    """Magnitudes on logarithmic axes, one panel each, with the exponential of the stated rate dashed.
+
+    Raises InvtrackError for no decays, or for one of fewer than two samples or of unequal numbers of times and values.
+    """
+    if not decays:
+        raise InvtrackError("expected at least one error to show, got none")
+    for decay in decays:
+        if len(decay.time) < 2 or len(decay.time) != len(decay.values):
+            raise InvtrackError(
+                f"{decay.label!r} has {len(decay.time)} times and {len(decay.values)} values, expected two or more of both"
+            )
+    with shared_style():
+        figure = new_figure(title, width=8.0, height=0.9 + INCHES_PER_PANEL * len(decays))
+        panels = figure.subplots(len(decays), 1, squeeze=False)[:, 0]
+        for axes, decay in zip(panels, decays, strict=True):
+            look = line_looks(1)[0]
+            draw_magnitudes(axes, [(decay.time, decay.values, {**look, "label": "error"})])
+            low, high = axes.get_ylim()
+            draw_line(axes, decay.time, decay.expected(), label=f"exp(-{decay.rate:.3g} t)", **REFERENCE)
+            axes.set_ylim(low, high)
+            axes.set_xlim(decay.time[0], decay.time[-1])
+            axes.set_ylabel(decay.label)
+            axes.set_xlabel("time [s]")
+            axes.legend(loc="upper right")
+    return figure
+
+
+def frequency_response_figure(
+    title: str, *, w: Array, curves: Mapping[str, ComplexArray], magnitude: str, phase: bool = True
+) -> Figure:
+    """Magnitude on logarithmic axes and, below it, the continuous phase of each curve, left out with phase=False.
+
+    The phase starts between -270 and 90 degrees: a double integrator's at -180.
+
+    w (m,): frequencies [rad/s], positive and increasing. curves: {name: response (m,)}. magnitude: label of the upper axis, with
+    its unit. Raises InvtrackError where frequencies are not positive or not in order, and where lengths differ.
+    """
+    if not curves or len(w) < 2 or w[0] <= 0 or np.any(np.diff(w) <= 0):
+        raise InvtrackError("expected at least one curve over two or more positive frequencies that increase")
+    for name, curve in curves.items():
+        if np.shape(curve) != np.shape(w):
+            raise InvtrackError(f"curve {name!r} has shape {np.shape(curve)}, expected one value for each of {len(w)} frequencies")
+    with shared_style():
+        figure = new_figure(title, width=8.0, height=4.8 if phase else 3.4)
+        all_axes = figure.subplots(2 if phase else 1, 1, sharex=True, squeeze=False, height_ratios=[1.5, 1.0] if phase else [1.0])[
+            :, 0
+        ]
+        for (name, curve), look in zip(curves.items(), line_looks(len(curves)), strict=True):
+            all_axes[0].loglog(w, np.abs(curve), label=name, **look)
+            if phase:
+                all_axes[1].semilogx(w, _phase(curve), **look)
+        all_axes[0].set_ylabel(magnitude)
+        if phase:
+            all_axes[1].set_ylabel("phase [degrees]")
+        all_axes[-1].set_xlabel("frequency [rad/s]")
+        all_axes[0].margins(x=0.0)
+        if len(curves) > 1:
+            figure.legend(*all_axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
+    return figure
+
+
+def _phase(curve: ComplexArray) -> Array:
+    """Continuous phase [degrees]; a lead of more than a quarter turn at the lowest frequency counts as a lag."""
+    phase = np.degrees(np.unwrap(np.angle(curve)))
+    return np.asarray(phase - 360.0 if phase[0] > 90.0 + 1e-6 else phase)

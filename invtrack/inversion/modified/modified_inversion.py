@@ -1,0 +1,182 @@
+"""Modified inversion: exactness given up, as little as need be, for a shorter preactuation or where no exact inverse exists."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import InversionError
+from invtrack.inversion.bounded_solution.refusals import require_accurate, require_smooth
+from invtrack.inversion.bounded_solution.solution import asks_for_motion, require_options
+from invtrack.inversion.modified.design import least_error_design, robust_design
+from invtrack.inversion.modified.design_problem import DesignProblem, Solved
+from invtrack.inversion.modified.modified_dynamics import equilibrium, has_equilibrium, undivided_dynamics
+from invtrack.inversion.modified.modified_plan import Modification, ModifiedTrajectory
+from invtrack.inversion.modified.moved_zeros import Wish, intervals_named, require_movable
+from invtrack.inversion.modified.placement import MovablePart, movable_part
+from invtrack.linear.internal_dynamics import InternalDynamics
+from invtrack.linear.switched import SwitchedSystem, as_switched
+from invtrack.plans.certificate import certify
+from invtrack.plans.ends import actuation_times
+from invtrack.plans.problem import deviation_reference, require_reference
+from invtrack.references.signal import PiecewiseSignal
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Design = Literal["least error", "robust"]
+
+HELD_TOLERANCE = 1e-9
+"""A held output counts as in equilibrium where what is left of the internal dynamics is below this share of its terms."""
+
+
+def modified_inversion(
+    model: Any,
+    reference: PiecewiseSignal,
+    *,
+    error_poles: Sequence[complex],
+    move: Mapping[complex, complex] | None = None,
+    axis_distance: float | None = None,
+    real_part: float | None = None,
+    interval: int | Sequence[int] | None = None,
+    design: Design = "least error",
+    output_scale: ArrayLike | None = None,
+    tolerance: float = 1e-10,
+    max_preactuation: float | None = None,
+) -> ModifiedTrajectory:
+    """A bounded trajectory of the plant near `reference`, from an inverse some of whose poles (zeros of the plant) are moved.
+
+    u = B_y^-1 [y_d^(r) - A_x x + v], v = F [e; eta - eta_eq] + L [zeta_d; y_d^(r)], e = zeta - zeta_d. F moves the zeros asked for
+    and places the chains of integrators of e; the other zeros stay. eta_eq is the internal equilibrium of the held output and L
+    acts on derivatives of y_d alone, so the output comes to rest on its target.
+
+    error_poles: as many as the relative degrees add up to, output by output. move: {zero: where it goes} [rad/s], zeros to four
+    digits, conjugates implied; or axis_distance, real_part: all zeros with |Re| <= axis_distance get that real part (positive:
+    still preactuation, faster; negative: postactuation instead). interval: where zeros are moved, for a switched model
+    (default: everywhere; a name moves the zero in those of the intervals that have it).
+    design: "least error" works out several choices of the freedom in F (several outputs) and L (least squares) and keeps the one
+    with the least integral square of the error for this reference; "robust" places robustly, L = 0. output_scale (p,): sizes at
+    which errors of the outputs count alike; default: the peak of each output's motion, the largest of these for those that hold.
+    tolerance, max_preactuation: as for `invert`.
+
+    Raises InversionError (options, zeros that cannot be moved, no equilibrium for the held output), NonHyperbolicError (zeros on
+    the axis not moved), TrajectoryError, RelativeDegreeError, BoundednessError. Source: Devasia 1996 (non-hyperbolic internal
+    dynamics), eqs. 12-18.
+    """
+    require_options(tolerance, max_preactuation)
+    if design not in get_args(Design):
+        raise InversionError(f"design must be one of {list(get_args(Design))}, got {design!r}")
+    plant = as_switched(model)
+    require_reference(plant.systems[0], reference)
+    deviation = deviation_reference(plant, reference)
+    wish = Wish(move, axis_distance, real_part)
+    splits = undivided_dynamics(plant)
+    require_smooth(plant, splits, deviation)
+    internals = [split.internal for split in splits]
+    choices = _choices(plant, internals, wish, intervals_named(interval, len(plant)), error_poles)
+    _require_equilibrium(plant, internals, deviation)
+    scale = _output_scale(output_scale, deviation)
+    problem = DesignProblem(plant, internals, [c[0] for c in choices], [c[2] for c in choices], deviation, scale)
+    solved = least_error_design(problem) if design == "least error" else robust_design(problem)
+    if axis_distance is not None and not any(len(part.targets) for part in problem.parts):
+        remark = (
+            f"no zeros were moved: within {axis_distance:g} rad/s of the imaginary axis there are none that are not at "
+            f"{real_part:g} already"
+        )
+        solved = replace(solved, remarks=(*solved.remarks, remark))
+    return _plan(problem, solved, reference, [c[1] for c in choices], tolerance, max_preactuation)
+
+
+def _plan(
+    problem: DesignProblem,
+    solved: Solved,
+    reference: PiecewiseSignal,
+    zeros_after: list[ComplexArray],
+    tolerance: float,
+    max_preactuation: float | None,
+) -> ModifiedTrajectory:
+    solution, deviation = solved.solution, problem.deviation
+    manoeuvre = solution.manoeuvre
+    preactuation, postactuation, remarks = actuation_times(solution.trajectory, solution.departures, tolerance, max_preactuation)
+    span = (manoeuvre[0] - preactuation, manoeuvre[1] + postactuation)
+    certificate = certify(problem.plant, solution.trajectory, deviation, span)
+    if asks_for_motion(deviation, reference):
+        require_accurate(certificate, solution.boundary, exact=False)
+    return ModifiedTrajectory(
+        method="modified inversion",
+        model=problem.plant,
+        reference=reference,
+        trajectory=solution.trajectory,
+        manoeuvre=manoeuvre,
+        preactuation=preactuation,
+        postactuation=postactuation,
+        tolerance=tolerance,
+        certificate=certificate,
+        remarks=remarks + solution.remarks + solved.remarks,
+        modification=tuple(
+            Modification(k, dynamics.F, L + dynamics.feedthrough, internal.zeros, after, part.error_poles)
+            for k, (dynamics, L, internal, after, part) in enumerate(
+                zip(solved.dynamics, solved.L, problem.internals, zeros_after, problem.parts, strict=True)
+            )
+        ),
+        design=solved.name,
+        candidates=solved.candidates,
+        output_scale=problem.output_scale,
+    )
+
+
+def _choices(
+    plant: SwitchedSystem, internals: list[InternalDynamics], wish: Wish, named: list[int], error_poles: Sequence[complex]
+) -> list[tuple[MovablePart, ComplexArray, ComplexArray]]:
+    """Per interval: the part to place, all zeros where they go, and those that stay."""
+    wish.require_known(np.concatenate([internals[k].zeros for k in named]))
+    choices = []
+    for k, (system, internal) in enumerate(zip(plant.systems, internals, strict=True)):
+        moved, after = np.zeros(len(internal.zeros), dtype=bool), internal.zeros
+        if k in named:
+            moved, after = wish.targets(internal.zeros)
+        require_movable(system, internal, moved, interval=k, endless=k in (0, len(plant) - 1))
+        choices.append((movable_part(internal, moved, after, error_poles), after, internal.zeros[~moved]))
+    return choices
+
+
+def _require_equilibrium(plant: SwitchedSystem, internals: list[InternalDynamics], deviation: PiecewiseSignal) -> None:
+    """With a zero at the origin not every value of the output can be held: those held at the ends have to be among them."""
+    for internal, t in ((internals[0], deviation.breakpoints[0] - 1.0), (internals[-1], deviation.breakpoints[-1] + 1.0)):
+        if has_equilibrium(internal):
+            continue
+        held = deviation(t)
+        left = equilibrium(internal).residual @ held
+        terms = np.linalg.norm(np.hstack([internal.A_zeta, internal.B_r])) * np.max(deviation.size(0))
+        if np.linalg.norm(left) > HELD_TOLERANCE * terms:
+            raise InversionError(
+                f"a zero at the origin: the internal dynamics have no equilibrium in which the outputs "
+                f"{list(plant.systems[0].output_names)} hold {held.tolist()} (deviations from the operating point), so the inverse "
+                "cannot come to rest; let the reference start and end at the operating point, or track another output"
+            )
+
+
+def _output_scale(output_scale: ArrayLike | None, deviation: PiecewiseSignal) -> Array:
+    motion = _motion(deviation)
+    if output_scale is None:
+        return np.where(motion > 0, motion, np.max(motion)) if np.any(motion > 0) else np.ones(len(motion))
+    try:
+        scale = np.broadcast_to(np.asarray(output_scale, dtype=float), motion.shape).copy()
+    except (TypeError, ValueError):
+        scale = np.zeros(0)
+    if not scale.size or not np.all(np.isfinite(scale) & (scale > 0)):
+        raise InversionError(
+            f"output_scale must be positive, one number or one for each of {len(motion)} outputs, got {output_scale!r}"
+        )
+    return scale
+
+
+def _motion(deviation: PiecewiseSignal) -> Array:
+    """Largest distance of each output from where it is held before (p,)."""
+    start, end = deviation.manoeuvre
+    t = np.concatenate([np.linspace(start, end, 501), deviation.breakpoints])
+    distance = np.max(np.abs(deviation(t) - deviation(start - 1.0)), axis=0)
+    return np.where(distance > 1e-12 * deviation.size(0), distance, 0.0)

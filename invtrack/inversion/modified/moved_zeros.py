@@ -1,0 +1,162 @@
+"""Which zeros of the inverse are moved, and where to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from numbers import Complex
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.errors import InversionError, NonHyperbolicError
+from invtrack.linear.hidden_modes import zero_kinds
+from invtrack.linear.internal_dynamics import AXIS_TOLERANCE, REMEDIES, InternalDynamics, format_zeros, on_axis
+from invtrack.linear.state_space import StateSpace
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+NAME_TOLERANCE = 1e-3
+"""A zero named by a user is the one within this share of its magnitude: four digits, as printed, are enough."""
+
+REPEATED_TOLERANCE = 1e-6
+"""Zeros closer than this share of the largest are one repeated zero, which is moved as a whole: rounding splits it."""
+
+UNMOVED_TOLERANCE = 1e-8
+"""A zero that is to go no farther than this share of its magnitude stays: a gain for it would disturb other outputs for nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wish:
+    """What is asked of the zeros: `move` says where named ones go; or those within `axis_distance` of the axis get `real_part`.
+
+    All in rad/s.
+    """
+
+    move: Mapping[complex, complex] | None
+    axis_distance: float | None
+    real_part: float | None
+
+    def __post_init__(self) -> None:
+        if (self.move is None) == (self.axis_distance is None) or (self.axis_distance is None) != (self.real_part is None):
+            raise InversionError(
+                "expected either move={zero: where it goes} or both axis_distance=... and real_part=...; got "
+                f"move={self.move}, axis_distance={self.axis_distance}, real_part={self.real_part}"
+            )
+        for name, value in (("axis_distance", self.axis_distance), ("real_part", self.real_part)):
+            if value is not None and (np.ndim(value) or np.asarray(value).dtype.kind not in "iuf"):
+                raise InversionError(f"{name} must be a real number [rad/s], got {value!r}")
+        if self.axis_distance is not None and not self.axis_distance >= 0:
+            raise InversionError(f"axis_distance must not be negative, got {self.axis_distance}")
+        if self.move is None:
+            return
+        if not isinstance(self.move, Mapping) or not all(isinstance(s, Complex) for pair in self.move.items() for s in pair):
+            raise InversionError(f"move must be {{zero: where it goes}}, complex numbers [rad/s], got {self.move!r}")
+
+    def require_known(self, zeros: ComplexArray) -> None:
+        """Raises InversionError for a name that fits none of `zeros`, those of all intervals in which zeros are moved."""
+        near = _near(zeros)
+        for name in map(complex, self.move or {}):
+            if not _fits(zeros, near, name):
+                raise InversionError(
+                    f"no zero at {_shown(name)} to move (to within {NAME_TOLERANCE:g} of its magnitude); the zeros are "
+                    f"{format_zeros(zeros) or 'none'}"
+                )
+
+    def targets(self, zeros: ComplexArray) -> tuple[NDArray[np.bool_], ComplexArray]:
+        """Which of `zeros` are moved, and where to: (n_z,) mask and (n_z,) poles, those not moved, or hardly, as they are.
+
+        Raises InversionError for a real zero that is to become a complex one or the reverse, for one that is sent to two places,
+        and for a place on the imaginary axis.
+        """
+        moved, targets, near = np.zeros(len(zeros), dtype=bool), zeros.copy(), _near(zeros)
+        imag = np.where(np.abs(zeros.imag) > near, zeros.imag, 0.0)  # rounding splits a repeated real zero into a pair
+        if self.axis_distance is not None and self.real_part is not None:
+            moved = np.abs(zeros.real) <= self.axis_distance
+            targets[moved] = self.real_part + 1j * imag[moved]
+        for name, target in (self.move or {}).items():
+            for chosen, goal in _named(zeros, imag, near, complex(name), complex(target)):
+                if np.any(moved[chosen] & (targets[chosen] != goal)):
+                    raise InversionError(
+                        f"the zero at {_shown(zeros[chosen[0]])} is to go to two places, {_shown(targets[chosen[0]])} and "
+                        f"{_shown(goal)}; name it once, its conjugate and repetitions are implied"
+                    )
+                moved[chosen], targets[chosen] = True, goal
+        _require_places(targets[moved])
+        moved &= np.abs(targets - zeros) > UNMOVED_TOLERANCE * np.abs(zeros)
+        targets[~moved] = zeros[~moved]
+        for i in np.flatnonzero(~moved):  # one that differs by rounding alone has no subspace of its own: it moves along
+            partners = np.flatnonzero(moved & (np.abs(zeros - zeros[i]) <= near))
+            if partners.size:
+                moved[i], targets[i] = True, targets[partners[0]].real + 1j * imag[i]
+        return moved, targets
+
+
+def _require_places(places: ComplexArray) -> None:
+    if not np.all(np.isfinite(places)) or np.any(np.abs(places.real) <= AXIS_TOLERANCE * np.abs(places)):
+        raise InversionError(
+            "zeros must be moved off the imaginary axis (to the right: preactuation, to the left: postactuation), got "
+            f"{format_zeros(places)}"
+        )
+
+
+def intervals_named(interval: int | Sequence[int] | None, count: int) -> list[int]:
+    """The intervals in which zeros are moved, all of them for None. Raises InversionError for those that the plant has not."""
+    if interval is None:
+        return list(range(count))
+    named = np.atleast_1d(np.asarray(interval))
+    if named.dtype.kind not in "iu" or not named.size or np.any((named < 0) | (named >= count)):
+        raise InversionError(f"interval must name intervals from 0 to {count - 1}, got {named.tolist()}")
+    return [int(k) for k in np.unique(named)]
+
+
+def _shown(zero: complex) -> str:
+    return format_zeros(complex(zero.real, abs(zero.imag)))
+
+
+def _near(zeros: ComplexArray) -> float:
+    return REPEATED_TOLERANCE * float(np.max(np.abs(zeros), initial=0.0))
+
+
+def _fits(zeros: ComplexArray, near: float, name: complex) -> bool:
+    return bool(np.min(np.abs(zeros - name), initial=np.inf) <= max(NAME_TOLERANCE * abs(name), near))
+
+
+def _named(zeros: ComplexArray, imag: Array, near: float, name: complex, target: complex) -> list[tuple[NDArray[np.intp], complex]]:
+    """The zeros (repeated ones together) that a name means, and their conjugates, with their targets; none where it fits none."""
+    if not _fits(zeros, near, name):
+        return []
+    zero = zeros[np.argmin(np.abs(zeros - name))]
+    chosen = np.flatnonzero(np.abs(zeros - zero) <= near)
+    is_real = not np.any(imag[chosen])
+    if is_real != (target.imag == 0):
+        raise InversionError(
+            f"a real zero goes to a real pole and a complex pair to a complex pair, got {name:.6g} to {target:.6g}; the zeros are "
+            f"{format_zeros(zeros)}"
+        )
+    if is_real:
+        return [(chosen, target)]
+    return [(chosen, target), (np.flatnonzero(np.abs(zeros - np.conj(zero)) <= near), complex(np.conj(target)))]
+
+
+def require_movable(
+    system: StateSpace, internal: InternalDynamics, moved: NDArray[np.bool_], *, interval: int, endless: bool
+) -> None:
+    """Raises InversionError for zeros that no input moves, NonHyperbolicError for those left on the axis of an endless interval."""
+    left = on_axis(internal) & ~moved & endless
+    if not np.any(left) and not np.any(moved):
+        return
+    kinds = np.array(zero_kinds(system, internal.zeros))
+    fixed, size = moved & np.char.startswith(kinds, "uncontrollable"), float(np.max(np.abs(internal.zeros)))
+    if np.any(fixed):
+        which = "; ".join(
+            f"{format_zeros(internal.zeros[fixed & (kinds == kind)], size)}: {kind}, {REMEDIES[kind]}"
+            for kind in np.unique(kinds[fixed])
+        )
+        raise InversionError(f"interval {interval}: zeros that no input moves cannot be moved in the inverse either: {which}")
+    if np.any(left):
+        raise NonHyperbolicError(
+            f"interval {interval}: zeros at {format_zeros(internal.zeros[left], size)} lie on the imaginary axis and are not "
+            "moved, so the bounded inverse does not exist or is not unique before or after the manoeuvre; move them too"
+        )

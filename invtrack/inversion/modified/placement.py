@@ -1,0 +1,215 @@
+"""Partial pole placement: the chains of integrators and the moved zeros get their poles, nothing else is touched."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+import scipy.optimize
+import scipy.signal
+from numpy.typing import NDArray
+
+from invtrack.errors import InversionError
+from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros
+from invtrack.linear.normal_form import NormalForm
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+PLACED_TOLERANCE = 1e-4
+"""Placed poles must be met to this share of the largest; a repeated pole of multiplicity k only to the k-th root of rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class MovablePart:
+    """The part of the modified inverse that is placed: z = [e; Y' xi], z' = M z + B v, xi = eta - eta_eq.
+
+    Y (n_z, k) spans the left invariant subspace of A_eta of the zeros to move: Y' A_eta = M_22 Y'. With the errors e = zeta -
+    zeta_d, chains of integrators, it closes without a decoupling of the two, which zeros at or near the origin would not allow.
+    error_poles, targets: the poles wanted, of the errors and of the zeros moved. degrees: relative degree.
+    """
+
+    M: Array
+    B: Array
+    Y: Array
+    degrees: tuple[int, ...]
+    error_poles: ComplexArray
+    targets: ComplexArray
+
+    @property
+    def poles(self) -> ComplexArray:
+        """All poles wanted."""
+        return np.concatenate([self.error_poles, self.targets])
+
+    @property
+    def chains(self) -> list[ComplexArray] | None:
+        """The poles of each output's chain, or None where they cannot be shared out in conjugate pairs as they stand."""
+        parts = np.split(self.error_poles, np.cumsum(self.degrees)[:-1])
+        return parts if all(closed_under_conjugation(part) for part in parts) else None
+
+    @property
+    def keeps_a_pole(self) -> bool:
+        """Whether a pole wanted is there already, so that no state is reached through it."""
+        distance = np.abs(np.linalg.eigvals(self.M)[:, None] - self.poles)
+        return bool(np.min(distance, initial=np.inf) <= 1e-9 * np.max(np.abs(self.poles), initial=0.0))
+
+    def full_gain(self, gain: Array) -> Array:
+        """F (p, n) on [e; xi] from the gain (p, rho + k) on z."""
+        rho = sum(self.degrees)
+        return np.hstack([gain[:, :rho], gain[:, rho:] @ self.Y.T])
+
+
+def closed_under_conjugation(poles: ComplexArray) -> bool:
+    """Whether complex poles come in conjugate pairs."""
+    return bool(np.allclose(np.sort_complex(poles), np.sort_complex(poles.conj()), rtol=1e-9, atol=0.0))
+
+
+def integrator_chains(form: NormalForm) -> tuple[Array, Array]:
+    """J (rho, rho) and E (rho, p) of zeta' = J zeta + E y^(r)."""
+    degrees = form.relative_degree
+    J = scipy.linalg.block_diag(*[np.eye(r, k=1) for r in degrees]) if sum(degrees) else np.zeros((0, 0))
+    E = np.zeros((sum(degrees), len(degrees)))
+    for i, last in enumerate(np.cumsum(degrees) - 1):
+        if degrees[i]:
+            E[last, i] = 1.0
+    return J, E
+
+
+def movable_part(
+    internal: InternalDynamics, moved: NDArray[np.bool_], targets: ComplexArray, error_poles: Sequence[complex]
+) -> MovablePart:
+    """The part to place, from an ordered real Schur form of A_eta'.
+
+    Raises InversionError for chain poles of a wrong number, unstable or not in conjugate pairs.
+    """
+    form = internal.form
+    rho, wanted = sum(form.relative_degree), _poles(error_poles)
+    if wanted is None or len(wanted) != rho or not np.all(wanted.real < 0) or not closed_under_conjugation(wanted):
+        raise InversionError(
+            f"error_poles must be {rho} poles left of the imaginary axis, complex ones in conjugate pairs (as many as "
+            f"the relative degrees {form.relative_degree} add up to); got {error_poles!r}"
+        )
+    n_z, k = len(internal.A_eta), int(np.sum(moved))
+    Q = np.zeros((n_z, 0))
+    if k:
+        chosen = _selector(internal.zeros, moved)
+        _, Q, count = scipy.linalg.schur(internal.A_eta.T, output="real", sort=chosen)
+        if count != k:
+            raise InversionError(
+                f"the zeros {format_zeros(internal.zeros[moved])} cannot be told from the others "
+                f"{format_zeros(internal.zeros[~moved])} to within rounding; move those that are nearly equal together"
+            )
+    Y = Q[:, :k]
+    J, E = integrator_chains(form)
+    M = np.block([[J, np.zeros((rho, k))], [Y.T @ internal.A_zeta, Y.T @ internal.A_eta @ Y]])
+    B = np.vstack([E, Y.T @ internal.B_r])
+    return MovablePart(M, B, Y, form.relative_degree, wanted, targets[moved])
+
+
+def _poles(values: Sequence[complex]) -> ComplexArray | None:
+    """Finite complex numbers (m,), or None for what is none."""
+    try:
+        poles = np.array(values, dtype=complex).reshape(-1)
+    except (TypeError, ValueError):
+        return None
+    return poles if np.all(np.isfinite(poles)) else None
+
+
+def _selector(zeros: ComplexArray, moved: NDArray[np.bool_]) -> Callable[[float, float], bool]:
+    def chosen(re: float, im: float) -> bool:
+        return bool(moved[np.argmin(np.abs(zeros - complex(re, im)))])
+
+    return chosen
+
+
+def robust_gain(part: MovablePart, output_scale: Array) -> Array | None:
+    """Gain (p, m) by robust pole placement (Tits, Yang 1996), in units in which outputs count alike; None where it fails."""
+    if not len(part.M):
+        return np.zeros((part.B.shape[1], 0))
+    pace = float(np.exp(np.mean(np.log(np.abs(part.poles)))))
+    d_e = np.array([scale * pace**k for scale, r in zip(output_scale, part.degrees, strict=True) for k in range(r)])
+    d_v = np.array([scale * pace**r for scale, r in zip(output_scale, part.degrees, strict=True)])
+    rho = len(d_e)
+    off = np.linalg.norm(part.B[rho:] * d_v) / pace if len(part.B) > rho else 1.0
+    d = np.concatenate([d_e, np.full(len(part.M) - rho, off if off > 0 else 1.0)])
+    try:
+        with warnings.catch_warnings():
+            # Iterations that end before the gain is at its most robust leave the poles in place, and these are checked below.
+            warnings.filterwarnings("ignore", message="Convergence was not reached", category=UserWarning)
+            placed = scipy.signal.place_poles(part.M * d / d[:, None] / pace, part.B * d_v / d[:, None] / pace, part.poles / pace)
+    except ValueError:  # poles repeated more often than there are inputs
+        return _only_gain(part) if len(part.degrees) == 1 else None
+    return _accepted(part, -np.asarray(placed.gain_matrix) * d_v[:, None] / d)
+
+
+def structured_gain(part: MovablePart, directions: Array) -> Array | None:
+    """Gain (p, m) that leaves each output's chain to itself and moves the zeros through `directions` (p, k).
+
+    M Q + B G = Q Lambda, F = G Q^-1: each chain answers with its own poles; what it costs to move the zeros shows in the
+    outputs in the proportion of the directions. None where the directions do not reach the zeros.
+    """
+    if part.chains is None or part.keeps_a_pole:
+        return None
+    blocks, inputs = [], []
+    for i, poles in enumerate(part.chains):
+        if len(poles):
+            blocks.append(companion(poles))
+            G = np.zeros((part.B.shape[1], len(poles)))
+            G[i, 0] = 1.0
+            inputs.append(G)
+    Lambda = scipy.linalg.block_diag(*blocks, *target_blocks(part.targets)) if len(part.M) else np.zeros((0, 0))
+    G = np.hstack([*inputs, directions])
+    return _gain_through(part, Lambda, G)
+
+
+def _only_gain(part: MovablePart) -> Array | None:
+    """The one gain of a plant with one input, poles repeated as often as one likes: all of them in one companion matrix."""
+    pace = float(np.exp(np.mean(np.log(np.abs(part.poles)))))
+    G = np.zeros((1, len(part.M)))
+    G[0, 0] = 1.0
+    return None if part.keeps_a_pole else _gain_through(part, pace * companion(part.poles / pace), G)
+
+
+def _gain_through(part: MovablePart, Lambda: Array, G: Array) -> Array | None:
+    """F = G Q^-1 with M Q + B G = Q Lambda, so that M + B F has the eigenvalues of Lambda; None where Q is singular."""
+    try:
+        Q = scipy.linalg.solve_sylvester(part.M, -Lambda, -part.B @ G)
+        size = np.linalg.norm(Q, axis=0)
+        if not np.all(size > 0):
+            return None
+        gain = np.linalg.solve((Q / size).T, (G / size).T).T
+    except np.linalg.LinAlgError:
+        return None
+    return _accepted(part, gain) if np.all(np.isfinite(gain)) else None
+
+
+def companion(poles: ComplexArray) -> Array:
+    """Companion matrix with these eigenvalues, coefficients in its last row."""
+    result: Array = np.eye(len(poles), k=1)
+    result[-1] = -np.real(np.poly(poles))[:0:-1]
+    return result
+
+
+def target_blocks(targets: ComplexArray) -> list[Array]:
+    """Real blocks with the moved zeros as eigenvalues: one for each of them where they are distinct, else one companion matrix."""
+    if not distinct(targets):
+        return [companion(targets)]
+    real = [np.array([[s.real]]) for s in targets if s.imag == 0]
+    return real + [np.array([[s.real, s.imag], [-s.imag, s.real]]) for s in targets if s.imag > 0]
+
+
+def distinct(targets: ComplexArray) -> bool:
+    """Whether no two of these poles are the same to within rounding."""
+    distance = np.abs(targets[:, None] - targets)
+    np.fill_diagonal(distance, np.inf)
+    return bool(np.min(distance, initial=np.inf) > 1e-6 * np.max(np.abs(targets), initial=0.0))
+
+
+def _accepted(part: MovablePart, gain: Array) -> Array | None:
+    found = np.linalg.eigvals(part.M + part.B @ gain)
+    distance = np.abs(found[:, None] - part.poles)
+    miss = distance[scipy.optimize.linear_sum_assignment(distance)].max(initial=0.0)
+    return gain if miss <= PLACED_TOLERANCE * np.max(np.abs(part.poles), initial=0.0) else None

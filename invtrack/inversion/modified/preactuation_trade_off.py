@@ -1,0 +1,237 @@
+"""The trade between preactuation and tracking error of a modified inverse: as a table, and solved for what can be afforded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.errors import InversionError
+from invtrack.inversion.modified.modified_inversion import modified_inversion
+from invtrack.inversion.modified.modified_plan import ModifiedTrajectory
+from invtrack.inversion.modified.moved_zeros import Wish, intervals_named
+from invtrack.linear.internal_dynamics import format_zeros, zeros
+from invtrack.linear.switched import as_switched
+from invtrack.plans.preactuation import plan_preactuation_time
+from invtrack.references.signal import PiecewiseSignal
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+SCAN = 9
+"""Real parts, evenly spaced in the logarithm, among which a bracket is looked for."""
+
+BISECTIONS = 12
+"""Halvings of the bracket at most."""
+
+CLOSE = 0.005
+"""A wish counts as met to the point where what is reached is within this share of it."""
+
+NARROW = 1e-3
+"""Width of the bracket, in the logarithm of the real part, at which the search ends."""
+
+NEAREST = 1e-3
+"""Nearest to the axis, as a share of its magnitude, that a zero on the axis is put."""
+
+FARTHEST = 10.0
+"""Farthest that zeros are moved, in units of the magnitude of the largest of them."""
+
+
+def preactuation_trade_off(
+    model: Any,
+    reference: PiecewiseSignal,
+    *,
+    real_parts: Sequence[float],
+    error_poles: Sequence[complex],
+    axis_distance: float | None = None,
+    zeros: Sequence[complex] | None = None,
+    level: float = 0.01,
+    **options: Any,
+) -> TradeOff:
+    """What each of `real_parts` [rad/s] for the offending zeros costs in tracking error and gains in preactuation.
+
+    The zeros are those with |Re| <= axis_distance, or the `zeros` named (conjugates implied); their imaginary parts stay (those of
+    names as they are written). level: share of the peak input from which on the preactuation counts. error_poles and further
+    options: as for `modified_inversion`, which is worked out once per real part.
+
+    Raises InversionError for neither or both of axis_distance and zeros, without real parts, and as `modified_inversion` does.
+    """
+    values = np.asarray(real_parts, dtype=float).reshape(-1)
+    if not values.size:
+        raise InversionError("expected at least one entry in real_parts [rad/s], got none")
+    plan, moved = _planner(model, reference, axis_distance, zeros, error_poles=error_poles, **options)
+    return TradeOff(tuple(_point(float(a), plan(float(a)), level) for a in values), level, tuple(complex(z) for z in moved))
+
+
+def tune_modified_inversion(
+    model: Any,
+    reference: PiecewiseSignal,
+    *,
+    error_poles: Sequence[complex],
+    preactuation: float | None = None,
+    error: float | None = None,
+    axis_distance: float | None = None,
+    zeros: Sequence[complex] | None = None,
+    real_parts: tuple[float, float] | None = None,
+    level: float = 0.01,
+    **options: Any,
+) -> ModifiedTrajectory:
+    """The modified inverse that makes the best of what can be afforded, by a bracketed search on the real part of the moved zeros.
+
+    preactuation [s]: the least real part with which the input stays below `level` of its peak until then, so the least error (an
+    input that oscillates gets above the level half a period earlier or later, so part of the time may be left unused); or error
+    (share of each output's scale): the largest real part that keeps the error, so the shortest preactuation. axis_distance or
+    zeros: as for `preactuation_trade_off`. real_parts: least and largest real part tried [rad/s]; default: from where the zeros are
+    (or 1e-3 of their magnitude) to ten times their magnitude. Further options: as for `modified_inversion`.
+
+    Raises InversionError for not exactly one wish, and for one that cannot be met, with the best that can be reached.
+    """
+    if (preactuation is None) == (error is None) or not (preactuation if error is None else error) > 0:  # type: ignore[operator]
+        raise InversionError(
+            f"expected a positive preactuation [s] or a positive error, got preactuation={preactuation}, error={error}"
+        )
+    plan, moved = _planner(model, reference, axis_distance, zeros, error_poles=error_poles, **options)
+    limits = np.asarray(_range(moved) if real_parts is None else real_parts, dtype=float)
+    if limits.shape != (2,) or not 0 < limits[0] < limits[1] < np.inf:
+        raise InversionError(f"real_parts must be two positive numbers that increase, got {real_parts}")
+    low, high = limits
+    scan = np.geomspace(low, high, SCAN)
+    if preactuation is not None:
+        return _first_within(plan, scan, partial(plan_preactuation_time, level=level), preactuation, "preactuation [s]")
+    return _first_within(plan, scan, lambda plan: plan.relative_error, float(error or 0.0), "error", rising=True)
+
+
+def _first_within(
+    plan: Callable[[float], ModifiedTrajectory],
+    scan: Array,
+    measure: Callable[[ModifiedTrajectory], float],
+    wish: float,
+    name: str,
+    *,
+    rising: bool = False,
+) -> ModifiedTrajectory:
+    """Along `scan`, the first plan whose measure is within the wish; or if it is `rising`, the last before it is not."""
+    tried: list[tuple[float, float, ModifiedTrajectory]] = []
+    for real_part in scan:
+        found = plan(float(real_part))
+        tried.append((float(real_part), measure(found), found))
+        if (tried[-1][1] <= wish) != rising:
+            break
+    met = [entry for entry in tried if entry[1] <= wish]
+    if not met:
+        best = min(tried, key=lambda entry: entry[1])
+        raise InversionError(
+            f"a {name} of {wish:.4g} cannot be reached with real parts of the moved zeros from {scan[0]:.4g} to {scan[-1]:.4g} "
+            f"rad/s: the best is {best[1]:.4g}, at {best[0]:.4g} rad/s; ask for that, choose faster error_poles, or a slower "
+            "reference"
+        )
+    missed = [entry for entry in tried if entry[1] > wish]
+    good, bad = met[-1], missed[-1] if missed else None
+    for _ in range(BISECTIONS if bad else 0):
+        # Where an input oscillates, its preactuation jumps by half a period: no plan may lie any closer to the wish.
+        if bad is None or good[1] >= (1 - CLOSE) * wish or abs(np.log(good[0] / bad[0])) <= NARROW:
+            break
+        real_part = float(np.sqrt(good[0] * bad[0]))
+        found = plan(real_part)
+        entry = (real_part, measure(found), found)
+        good, bad = (entry, bad) if entry[1] <= wish else (good, entry)
+    return good[2]
+
+
+def _planner(
+    model: Any, reference: PiecewiseSignal, axis_distance: float | None, named: Sequence[complex] | None, **options: Any
+) -> tuple[Callable[[float], ModifiedTrajectory], ComplexArray]:
+    """The modified inverse as a function of the real part, and the zeros that it moves."""
+    names = np.zeros(0, dtype=complex) if named is None else np.asarray(named, dtype=complex).reshape(-1)
+    if (axis_distance is None) == (not names.size):
+        raise InversionError(f"expected either axis_distance=... or zeros=[...], got axis_distance={axis_distance}, zeros={named}")
+    searched = sorted({"move", "real_part"} & options.keys())
+    if searched:
+        raise InversionError(
+            f"{' and '.join(searched)} cannot be given: where the zeros go is what is varied; say which they are by "
+            "axis_distance or zeros"
+        )
+    plant = as_switched(model)
+    present = np.unique(np.concatenate([zeros(plant.systems[k]) for k in intervals_named(options.get("interval"), len(plant))]))
+    elsewhere = 1.0 + 2 * float(np.max(np.abs(present), initial=0.0))
+    wish = Wish(_moves(names, elsewhere), None, None) if names.size else Wish(None, axis_distance, elsewhere)
+    wish.require_known(present)
+    moved = present[wish.targets(present)[0]]
+    if not moved.size:
+        raise InversionError(
+            f"no zeros within {axis_distance} rad/s of the imaginary axis; the zeros are {format_zeros(present) or 'none'}"
+        )
+
+    def plan(real_part: float) -> ModifiedTrajectory:
+        if axis_distance is not None:
+            return modified_inversion(plant, reference, axis_distance=axis_distance, real_part=real_part, **options)
+        return modified_inversion(plant, reference, move=_moves(names, real_part), **options)
+
+    return plan, moved
+
+
+def _moves(names: ComplexArray, real_part: float) -> dict[complex, complex]:
+    return {complex(z): complex(real_part, z.imag) for z in names}
+
+
+def _range(moved: ComplexArray) -> tuple[float, float]:
+    return float(np.max(np.maximum(moved.real, NEAREST * np.abs(moved)))), FARTHEST * float(np.max(np.abs(moved)))
+
+
+def _point(real_part: float, plan: ModifiedTrajectory, level: float) -> TradeOffPoint:
+    return TradeOffPoint(
+        real_part=real_part,
+        alpha=plan.alpha,
+        preactuation=plan_preactuation_time(plan, level),
+        max_error=plan.relative_error,
+        error_after=float(np.max(plan.max_error_after / plan.output_scale)),
+        peak_input=float(np.max(np.abs(plan.input_range))),
+    )
+
+
+@dataclass(frozen=True)
+class TradeOffPoint:
+    """One real part [rad/s] for the zeros moved, and what it costs and gains.
+
+    alpha [rad/s]: decay rate of the input before the manoeuvre (infinite: none). preactuation [s]: from when on the input is above
+    the trade's level. max_error, error_after: largest predicted |y - y_d| over all of time, and after T_f, of any output as a share
+    of its scale. peak_input: largest |u_i| in the inputs' units.
+    """
+
+    real_part: float
+    alpha: float
+    preactuation: float
+    max_error: float
+    error_after: float
+    peak_input: float
+
+
+@dataclass(frozen=True)
+class TradeOff:
+    """Preactuation against error for several real parts of the zeros moved; `print` shows a table, `column` gives one quantity.
+
+    level: the share of the peak input at which the preactuation is read. moved: the zeros, where the plant has them.
+    """
+
+    points: tuple[TradeOffPoint, ...]
+    level: float
+    moved: tuple[complex, ...]
+
+    def column(self, name: str) -> Array:
+        """One attribute of all points, in their order (m,): "real_part", "preactuation", "max_error", ..."""
+        names = tuple(TradeOffPoint.__dataclass_fields__)
+        if name not in names:
+            raise InversionError(f"no column {name!r}; there are {', '.join(names)}")
+        return np.array([getattr(point, name) for point in self.points])
+
+    def __str__(self) -> str:
+        head = f"zeros at {format_zeros(self.moved)} moved; preactuation from {100 * self.level:g} % of the peak input on"
+        titles = ("real part [rad/s]", "alpha [rad/s]", "preactuation [s]", "error [-]", "error after [-]", "peak input")
+        rows = [
+            tuple(f"{self.column(name)[k]:.4g}" for name in TradeOffPoint.__dataclass_fields__) for k in range(len(self.points))
+        ]
+        return "\n".join([head, *("".join(f"{entry:<19}" for entry in row).rstrip() for row in (titles, *rows))])

@@ -1,0 +1,207 @@
+"""Invariant zeros and the internal dynamics, split into a stable and an antistable part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import NonHyperbolicError
+from invtrack.linear.hidden_modes import zero_kinds
+from invtrack.linear.normal_form import NormalForm, normal_form
+from invtrack.linear.propagation import Propagator
+from invtrack.linear.state_space import StateSpace
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+AXIS_TOLERANCE = 1e-8
+"""An eigenvalue counts as on the imaginary axis where |Re| is below this share of its magnitude."""
+
+ROUNDING_FACTOR = 10.0
+"""Uncertainty of the internal dynamics' matrix, in units of n eps times the norm of the terms that it is the sum of."""
+
+REMEDIES = {
+    "transmission zero": "move these poles of the inverse off the axis (invtrack.modified_inversion), or track another output",
+    "uncontrollable mode": "no input moves it: damp it, add an actuator that moves it, or leave it out of the model",
+    "unobservable mode": "no output shows it: choose an output that does, damp it, or leave it out of the model",
+    "uncontrollable and unobservable mode": "no input moves it and no output shows it: leave it out of the model",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class InternalDynamics:
+    """eta' = A_eta eta + A_zeta zeta + B_r y^(r), the dynamics left when the output is prescribed.
+
+    Shapes with n_z internal states: A_eta (n_z, n_z), A_zeta (n_z, rho), B_r (n_z, p). The eigenvalues of A_eta are the plant's
+    invariant zeros (n - rho of them). `uncertainty` is the size of perturbation of A_eta that rounding, and the error of a model
+    found numerically, may stand for.
+    """
+
+    form: NormalForm
+    A_eta: Array
+    A_zeta: Array
+    B_r: Array
+    zeros: ComplexArray
+    uncertainty: float
+
+
+@dataclass(frozen=True, eq=False)
+class SplitDynamics:
+    """Internal dynamics in coordinates eta = W_s z_s + W_u z_u in which the stable and the antistable part are decoupled.
+
+    z_s' = A_s z_s + G_s [zeta; y^(r)], z_u' = A_u z_u + G_u [zeta; y^(r)], A_s stable, A_u antistable. L_s, L_u are the rows with
+    z_s = L_s eta, z_u = L_u eta.
+    """
+
+    internal: InternalDynamics
+    A_s: Array
+    A_u: Array
+    G_s: Array
+    G_u: Array
+    W_s: Array
+    W_u: Array
+    L_s: Array
+    L_u: Array
+
+    @cached_property
+    def propagators(self) -> tuple[Propagator, Propagator]:
+        """exp(A_s tau) and exp(-A_u tau), each in the direction in which it decays."""
+        return Propagator(self.A_s), Propagator(-self.A_u)
+
+    def in_units_of(self, unit: float) -> SplitDynamics:
+        """The same dynamics with z_s and z_u measured in another unit: W_s z_s + W_u z_u stays what it is."""
+        return replace(
+            self,
+            G_s=self.G_s / unit,
+            G_u=self.G_u / unit,
+            W_s=self.W_s * unit,
+            W_u=self.W_u * unit,
+            L_s=self.L_s / unit,
+            L_u=self.L_u / unit,
+        )
+
+
+def zeros(system: StateSpace) -> ComplexArray:
+    """Invariant zeros of a square system with vector relative degree: the eigenvalues of its internal dynamics, (n - rho,).
+
+    Raises RelativeDegreeError where the relative degree is not defined.
+    """
+    return internal_dynamics(system).zeros
+
+
+def internal_dynamics(system: StateSpace) -> InternalDynamics:
+    """Internal dynamics of `system` with the output and its derivatives as the input. Raises RelativeDegreeError."""
+    form = normal_form(system)
+    F, G = form.tracking_law()
+    A_y = system.A + system.B @ F
+    A_eta = form.N @ A_y @ form.V
+    scale = np.linalg.norm(form.N, 2) * np.linalg.norm(form.V, 2) if A_eta.size else 0.0
+    gain = 1 + np.linalg.norm(system.B @ F, 2) / max(np.linalg.norm(system.A, 2), np.finfo(float).tiny)
+    terms = np.abs(form.N) @ (np.abs(system.A) + np.abs(system.B) @ np.abs(F)) @ np.abs(form.V)
+    uncertainty = ROUNDING_FACTOR * system.n_states * np.finfo(float).eps * np.linalg.norm(terms)
+    uncertainty += scale * gain * system.error_estimates.get("A", 0.0)
+    return InternalDynamics(
+        form=form,
+        A_eta=A_eta,
+        A_zeta=form.N @ A_y @ form.P,
+        B_r=form.N @ system.B @ G,
+        zeros=np.linalg.eigvals(A_eta).astype(complex),
+        uncertainty=float(uncertainty),
+    )
+
+
+def zeros_on_axis(internal: InternalDynamics) -> ComplexArray:
+    """Those zeros that cannot be told from ones on the imaginary axis, repeated ones included; see `on_axis`."""
+    return internal.zeros[on_axis(internal)]
+
+
+def on_axis(internal: InternalDynamics) -> NDArray[np.bool_]:
+    """Which of the zeros cannot be told from ones on the imaginary axis, (n_z,).
+
+    A zero s counts where |Re s| <= AXIS_TOLERANCE |s|, or where a perturbation within the matrix's uncertainty can move it to
+    j Im s (smallest singular value of A_eta - z I for z on the way): so a double zero, which rounding splits by sqrt(eps), is
+    still seen. Looking only at j Im s would name every real zero beside one at the origin.
+    """
+    found = np.zeros(len(internal.zeros), dtype=bool)
+    for i, zero in enumerate(internal.zeros):
+        way = (1j * zero.imag + share * zero.real for share in (0.0, 0.25, 0.5, 0.75))
+        found[i] = abs(zero.real) <= AXIS_TOLERANCE * abs(zero) or all(
+            np.linalg.svd(internal.A_eta - z * np.eye(len(internal.A_eta)), compute_uv=False)[-1] <= internal.uncertainty
+            for z in way
+        )
+    return found
+
+
+def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics:
+    """Internal dynamics split by an ordered real Schur form and a Sylvester equation.
+
+    endless: whether the plant stays as it is for all of the past or future. Over an interval that ends, zeros on the imaginary axis
+    do no harm; they are then counted with the stable ones.
+
+    Raises NonHyperbolicError for zeros on the imaginary axis if endless, RelativeDegreeError as `zeros` does.
+    """
+    internal = internal_dynamics(system)
+    refused = on_axis(internal)
+    if np.any(refused) and endless:
+        kinds = zero_kinds(system, internal.zeros)
+        raise NonHyperbolicError(_axis_message(internal, refused, kinds))
+    stable = refused | (internal.zeros.real <= 0)
+    # By the nearest zero: reordering the Schur form puts one on the axis to either side of it.
+    return split_by(internal, lambda zero: bool(stable[np.argmin(np.abs(internal.zeros - zero))]))
+
+
+def split_by(internal: InternalDynamics, stable: Callable[[complex], bool]) -> SplitDynamics:
+    """Internal dynamics split into the part with the zeros for which `stable` holds and the rest; the two sets must not meet."""
+    n = len(internal.A_eta)
+    schur, Q, n_s = np.zeros((0, 0)), np.eye(0), 0
+    if n:
+        schur, Q, n_s = scipy.linalg.schur(internal.A_eta, output="real", sort=lambda re, im: stable(complex(re, im)))
+    A_s, A_u = schur[:n_s, :n_s], schur[n_s:, n_s:]
+    coupling = np.zeros((n_s, n - n_s))
+    if 0 < n_s < n:
+        coupling = scipy.linalg.solve_sylvester(A_s, -A_u, -schur[:n_s, n_s:])
+    L_s, L_u = Q[:, :n_s].T - coupling @ Q[:, n_s:].T, Q[:, n_s:].T
+    drive = np.hstack([internal.A_zeta, internal.B_r])
+    return SplitDynamics(
+        internal=internal,
+        A_s=A_s,
+        A_u=A_u,
+        G_s=L_s @ drive,
+        G_u=L_u @ drive,
+        W_s=Q[:, :n_s],
+        W_u=Q[:, :n_s] @ coupling + Q[:, n_s:],
+        L_s=L_s,
+        L_u=L_u,
+    )
+
+
+def _axis_message(internal: InternalDynamics, refused: NDArray[np.bool_], kinds: Sequence[str]) -> str:
+    size = float(np.max(np.abs(internal.zeros)))
+    listed = format_zeros(internal.zeros[refused], size)
+    message = (
+        f"internal dynamics are not hyperbolic: zeros at {listed} lie on the imaginary axis to within what the model "
+        "resolves, so the bounded inverse does not exist or is not unique, and none decays both before and after the manoeuvre"
+    )
+    for kind, remedy in REMEDIES.items():
+        alike = internal.zeros[refused & (np.array(kinds) == kind)]
+        if alike.size and kind == "transmission zero":
+            message += f"; {remedy}"
+        elif alike.size:
+            number, article = ("zero", "an") if alike.size == 1 else ("zeros", "each an")
+            message += f"; the {number} at {format_zeros(alike, size)}: {article} {kind} of the plant, {remedy}"
+    return message
+
+
+def format_zeros(zeros: ArrayLike, size: float = 0.0) -> str:
+    """Zeros as text, conjugates together: "-0.5, 0.0425+-4.305j". Parts below 1e-12 of `size` are written as 0."""
+    texts = []
+    for zero in np.atleast_1d(np.asarray(zeros, dtype=complex)):
+        real, imag = (0.0 if abs(part) <= 1e-12 * max(size, abs(zero)) else float(part) for part in (zero.real, zero.imag))
+        if imag >= 0:
+            texts.append(f"{real:.4g}" if imag == 0 else f"{real:.4g}+-{imag:.4g}j")
+    return ", ".join(texts)

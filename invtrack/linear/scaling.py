@@ -1,0 +1,55 @@
+"""Scales of states that bring a matrix's rows and columns to the same size, without rounding."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg.lapack
+import scipy.sparse.csgraph
+from numpy.typing import NDArray
+
+from invtrack.linear.switched import SwitchedSystem
+
+Array = NDArray[np.float64]
+
+LARGEST_SCALE = 2.0**60
+"""Bound on a scale and its inverse: where parts of a matrix do not act on each other, nothing else limits what is between them."""
+
+RESOLVED = 1e-3
+"""A state that stays below this share of those comparable to it may consist of their rounding alone."""
+
+
+def balancing_scale(M: Array, *, within_parts: bool = False) -> Array:
+    """Scales d (q,), powers of two, such that M d_j / d_i (q, q) has rows and columns of about equal size.
+
+    M (q, q). Units of the states that differ by powers of two are undone exactly. within_parts: only states that act on each other
+    both ways are scaled against each other. A triangular matrix can otherwise be brought as close to its diagonal as one likes, to
+    coordinates in which its small entries drown in the rounding of the large ones.
+    """
+    if not M.size:
+        return np.ones(0)
+    if within_parts:
+        _, part = scipy.sparse.csgraph.connected_components(M, directed=True, connection="strong")
+        M = np.where(part[:, None] == part, M, 0.0)
+    _, _, _, scale, _ = scipy.linalg.lapack.dgebal(M, scale=1, permute=0)
+    exponent = np.log2(scale)
+    return np.asarray(np.clip(np.exp2(np.rint(exponent - np.median(exponent))), 1 / LARGEST_SCALE, LARGEST_SCALE))
+
+
+def unit_ratios(plant: SwitchedSystem) -> Array:
+    """Size (n, n) that state i has where state j is 1, from how strongly they act on each other; 0 for those that do not.
+
+    They act through the plant, and through an inverse, which makes the input from the outputs: a base that can stand anywhere
+    acts on nothing else in the plant, but where the tip is to stand says where it has to.
+    """
+    systems = list({id(system): system for system in plant.systems}.values())
+    A, B, C = (np.max([np.abs(getattr(system, name)) for system in systems], axis=0) for name in "ABC")
+    n, p = B.shape
+    loop = np.block([[A, B, np.zeros((n, p))], [np.zeros((p, n + p)), np.ones((p, p))], [C, np.zeros((p, 2 * p))]])
+    _, part = scipy.sparse.csgraph.connected_components(loop, directed=True, connection="strong")
+    scale, part = balancing_scale(loop, within_parts=True)[:n], part[:n]
+    return np.asarray(np.where(part[:, None] == part, scale[:, None] / scale, 0.0))
+
+
+def comparable_size(size: Array, ratios: Array) -> Array:
+    """Sizes (..., n) of states, none below the share RESOLVED of what those comparable to it (`unit_ratios`) would make of it."""
+    return np.asarray(np.maximum(size, RESOLVED * np.max(ratios * size[..., None, :], axis=-1, initial=0.0)))

@@ -1,0 +1,80 @@
+"""Linear systems whose matrices jump at known times."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import ModelError
+from invtrack.linear.state_space import StateSpace, as_state_space
+
+OSCILLATION_TOLERANCE = 1e-6
+"""An eigenvalue counts as an oscillation where its imaginary part exceeds this share of the fastest eigenvalue: a rigid-body mode's
+double eigenvalue at zero is split by rounding to about sqrt(eps) of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchedSystem:
+    """A, B, C, D constant between known switch times t_1 < ... < t_N [s]; the state is continuous at a switch.
+
+    systems: N + 1 models of the same states, inputs and outputs about the same operating point; switch_times: (N,), may be empty.
+    Interval k reaches from t_k to t_(k+1), the first from -infinity and the last to infinity (Devasia, Paden, Rossi 1996, eq. 1).
+
+    Raises ModelError where the numbers do not fit, times do not increase, or operating points differ (an equilibrium that moves
+    with the parameter, such as a payload under gravity, is a different problem and is refused, not ignored).
+    """
+
+    systems: tuple[StateSpace, ...]
+    switch_times: NDArray[np.float64]
+
+    def __init__(self, systems: Sequence[Any], switch_times: ArrayLike = ()) -> None:
+        models = tuple(as_state_space(system) for system in systems)
+        times = np.array(switch_times, dtype=float).reshape(-1)
+        if len(models) != len(times) + 1:
+            raise ModelError(f"expected one more system than switch times, got {len(models)} systems and {len(times)} switch times")
+        if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+            raise ModelError(f"switch times must be finite and increase, got {times.tolist()}")
+        for k, model in enumerate(models[1:], start=1):
+            _require_same_frame(models[0], model, k)
+        times.setflags(write=False)
+        object.__setattr__(self, "systems", models)
+        object.__setattr__(self, "switch_times", times)
+
+    def __len__(self) -> int:
+        """Number of intervals N + 1."""
+        return len(self.systems)
+
+    def interval(self, t: ArrayLike) -> NDArray[np.intp]:
+        """Index of the interval that holds each time; a switch time itself belongs to the interval that it starts."""
+        return np.searchsorted(self.switch_times, np.asarray(t, dtype=float), side="right")
+
+
+def as_switched(model: Any) -> SwitchedSystem:
+    """A SwitchedSystem from itself, or with one interval from anything that `as_state_space` takes."""
+    return model if isinstance(model, SwitchedSystem) else SwitchedSystem([model])
+
+
+def _require_same_frame(first: StateSpace, model: StateSpace, k: int) -> None:
+    for kind in ("state_names", "input_names", "output_names"):
+        expected, got = getattr(first, kind), getattr(model, kind)
+        if expected != got:
+            raise ModelError(f"interval {k} has {kind} {list(got)}, interval 0 has {list(expected)}; they must be the same")
+    if not model.operating_point.agrees_with(first.operating_point):
+        first_point, point = first.operating_point, model.operating_point
+        raise ModelError(
+            f"interval {k} holds about another operating point than interval 0 (u0 {point.u0.tolist()} against "
+            f"{first_point.u0.tolist()}, y0 {point.y0.tolist()} against {first_point.y0.tolist()}); intervals whose equilibria "
+            "differ are not supported: linearize about a common one"
+        )
+
+
+def slowest_flexible_period(A: NDArray[np.float64]) -> float:
+    """Period 2 pi / |Im s| [s] of the slowest oscillatory eigenvalue s of A (n, n); NaN where nothing oscillates."""
+    eigenvalues = np.linalg.eigvals(A)
+    frequencies = np.abs(eigenvalues.imag)
+    flexible = frequencies[frequencies > OSCILLATION_TOLERANCE * np.max(np.abs(eigenvalues), initial=0.0)]
+    return float(2 * np.pi / flexible.min()) if flexible.size else float("nan")

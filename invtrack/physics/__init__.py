@@ -1,1 +1,0 @@
-"""MuJoCo mechanisms as plants: named channels and parameters, operating points, linear models."""

@@ -1,0 +1,111 @@
+"""Independent check of a planned trajectory: quadrature of its own values against the plant's equations."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.linear.scaling import balancing_scale, comparable_size, unit_ratios
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.plan import Certificate, TwoSidedTrajectory
+from invtrack.references.signal import PiecewiseSignal
+
+Array = NDArray[np.float64]
+
+PANEL_ANGLE = 1.0
+"""Largest panel length times the norm of a piece's fastest dynamics; 10 Gauss points are then exact to rounding."""
+
+PANELS_PER_PIECE = 200
+"""Panels checked per piece at most, spread evenly over it."""
+
+TOTAL_PANELS = 20_000
+"""Panels checked in all, at most; beyond, pieces are skipped evenly."""
+
+
+def certify(
+    model: SwitchedSystem, trajectory: TwoSidedTrajectory, reference: PiecewiseSignal, span: tuple[float, float]
+) -> Certificate:
+    """Residuals of `trajectory` over `span` [s], from its values at off-grid points, one piece at a time.
+
+    `reference` holds the wanted output as deviation from the operating point.
+    """
+    if span[1] <= span[0]:  # at rest throughout: nothing happens in no time, so look on both sides of it
+        span = (span[0] - 1.0, span[1] + 1.0)
+    starts, ends, piece = _panels(trajectory, model.switch_times, span)
+    nodes, weights = np.polynomial.legendre.leggauss(10)
+    n, p = model.systems[0].n_states, model.systems[0].n_channels
+    times = (starts[:, None] + ends[:, None]) / 2 + (ends - starts)[:, None] / 2 * nodes
+    inner = trajectory(times.ravel(), np.repeat(piece, len(nodes))).reshape(len(piece), len(nodes), -1)
+    x_start, x_end = trajectory(starts, piece)[:, :n], trajectory(ends, piece)[:, :n]
+    interval = model.interval((starts + ends) / 2)
+    change = np.empty((len(piece), n))
+    planned = np.empty((len(piece), len(nodes), p))
+    size = np.max(np.abs(inner[:, :, :n]), axis=(0, 1))
+    for k in np.unique(interval):
+        system, chosen = model.systems[k], interval == k
+        x, u = inner[chosen, :, :n], inner[chosen, :, n : n + p]
+        planned[chosen] = x @ system.C.T + u @ system.D.T
+        half = (ends - starts)[chosen, None] / 2
+        change[chosen] = np.einsum("mgi,g->mi", x @ system.A.T + u @ system.B.T, weights) * half
+        # A state that stays zero because large terms cancel is measured against those terms.
+        terms = np.abs(x) @ np.abs(system.A).T + np.abs(u) @ np.abs(system.B).T
+        size = np.maximum(size, np.max(terms * half[:, :, None], axis=(0, 1)))
+    size = comparable_size(size, unit_ratios(model))  # of a plant at rest elsewhere, velocities are rounding
+    size = np.where(size > 0, size, 1.0)
+    wanted = reference(times.ravel()).reshape(len(piece), len(nodes), p)
+    wanted_size = np.max(np.abs(wanted), axis=(0, 1))
+    # A channel that is to stay still is measured against what the states could make of it.
+    possible = np.max([np.abs(system.C) @ size for system in model.systems], axis=0)
+    wanted_size = np.where(wanted_size > 0, wanted_size, np.where(possible > 0, possible, 1.0))
+    return Certificate(
+        dynamics_residual=float(np.max(np.abs(x_end - x_start - change) / size)),
+        output_error=float(np.max((np.abs(planned - wanted) + np.abs(inner[:, :, n + p :] - planned)) / wanted_size)),
+        continuity=_continuity(trajectory, size),
+        rest_residual=_rest_residual(trajectory, span, size),
+    )
+
+
+def _panels(
+    trajectory: TwoSidedTrajectory, switch_times: Array, span: tuple[float, float]
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Starts, ends and pieces of the panels, none of which crosses a breakpoint or a switch time."""
+    inner = trajectory.breakpoints
+    first, last = min(span[0], inner[0]), max(span[1], inner[-1])
+    edges = np.concatenate([[first], np.union1d(inner, switch_times[(switch_times > first) & (switch_times < last)]), [last]])
+    piece = trajectory.locate((edges[:-1] + edges[1:]) / 2)
+    fastest = [max(_pace(M) for M in (g.M_f, g.M_b) if M.size) for g in trajectory.generators]
+    stride = max(1, len(piece) // (TOTAL_PANELS // 10))
+    starts, ends, owners = [], [], []
+    for j in range(0, len(edges) - 1, stride):
+        length = edges[j + 1] - edges[j]
+        if length <= 0:
+            continue
+        panel = min(length, PANEL_ANGLE / max(float(fastest[trajectory.kind[piece[j]]]), np.finfo(float).tiny))
+        count = int(min(np.ceil(length / panel), PANELS_PER_PIECE))
+        first = edges[j] + (length - panel) * np.linspace(0.0, 1.0, count)
+        starts.append(first)
+        ends.append(np.minimum(first + panel, edges[j + 1]))
+        owners.append(np.full(count, piece[j]))
+    return np.concatenate(starts), np.concatenate(ends), np.concatenate(owners)
+
+
+def _pace(M: Array) -> float:
+    """How fast exp(M t) changes [rad/s], free of the units of its states."""
+    scale = balancing_scale(M, within_parts=True)
+    return float(np.linalg.norm(M * scale / scale[:, None], 2))
+
+
+def _continuity(trajectory: TwoSidedTrajectory, size: Array) -> float:
+    pieces = np.arange(len(trajectory.breakpoints))
+    left = trajectory(trajectory.breakpoints, pieces)[:, : len(size)]
+    right = trajectory(trajectory.breakpoints, pieces + 1)[:, : len(size)]
+    return float(np.max(np.abs(right - left) / size))
+
+
+def _rest_residual(trajectory: TwoSidedTrajectory, span: tuple[float, float], size: Array) -> float:
+    """How much the states still change from the ends of the span on outward, over ten times its length."""
+    length = span[1] - span[0]
+    times = np.array([span[0], span[0] - 10 * length, span[1], span[1] + 10 * length])
+    last = len(trajectory.breakpoints)
+    x = trajectory(times, np.array([0, 0, last, last]))[:, : len(size)]
+    return float(np.max(np.abs(x[[0, 2]] - x[[1, 3]]) / size))

@@ -1,0 +1,143 @@
+"""A planned trajectory sampled for hardware: what a real-time target plays, at its own rate."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.errors import TrajectoryError
+from invtrack.plans.plan import Plan
+from invtrack.plans.plan_file import SampledPlan, write_plan
+
+Array = NDArray[np.float64]
+
+Inputs = Literal["midpoint", "average", "sample"]
+
+GAUSS_NODES = {"midpoint": 1, "average": 5}
+
+LARGEST_PLAN = 20_000_000
+"""Rows that fit into memory with room for a dozen columns; a plan beyond that is a mistyped rate."""
+
+SIDE = 1e-6
+"""Share of a period by which an instant may miss a breakpoint through rounding and still count as the breakpoint."""
+
+
+def export_plan(
+    plan: Plan,
+    path: str | Path,
+    *,
+    rate: float,
+    inputs: Inputs = "midpoint",
+    start: float | None = None,
+    end: float | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Path:
+    """Write `sampled_plan` to a file, .csv or .npz by its suffix, in one piece; returns the path.
+
+    Raises TrajectoryError as `sampled_plan` does, for another suffix, and where the file cannot be written.
+    """
+    return write_plan(sampled_plan(plan, rate=rate, inputs=inputs, start=start, end=end, units=units), path)
+
+
+def sampled_plan(
+    plan: Plan,
+    *,
+    rate: float,
+    inputs: Inputs = "midpoint",
+    start: float | None = None,
+    end: float | None = None,
+    units: Mapping[str, str] | None = None,
+) -> SampledPlan:
+    """The plan at t_k = start + k / rate up to `end`: x_ref, y_d and planned y at t_k, u_ff for the time until t_(k+1).
+
+    rate [Hz]. start, end [s]: by default where the plan leaves rest and where it has come to rest again. inputs: what u_ff[k] is.
+    "midpoint" (default): its value in the middle of the hold, so that a zero-order hold follows the plan with an error of order
+    rate^-2. "average": its mean over the hold, of the same order; it keeps the impulse where the input is fast against the rate.
+    "sample": its value at t_k, for targets that interpolate; with a zero-order hold the error is of order 1 / rate. In the first
+    two cases a hold across breakpoints, where u may jump, gets the mean of the stretches between them, weighted by their durations,
+    so that the order stays. At a breakpoint itself y_d, y and u are taken from its right.
+
+    units: from a channel's name to its unit, for the headers. x_ref is the deviation from the operating point that `plan` was
+    planned about; u_ff, y_d and y are absolute.
+
+    Raises TrajectoryError for a rate that is not positive, end before start, an unknown kind of inputs or channel, or too many
+    rows.
+    """
+    if inputs not in get_args(Inputs):
+        raise TrajectoryError(f"inputs must be one of {list(get_args(Inputs))}, got {inputs!r}")
+    start, end = plan.start if start is None else start, plan.end if end is None else end
+    t = _instants(rate, start, end)
+    values = plan(t[:-1], inside=t[:-1] + SIDE / rate)
+    return SampledPlan(
+        time=t[:-1],
+        u_ff=values.u if inputs == "sample" else _held_input(plan, t, GAUSS_NODES[inputs]),
+        x_ref=values.x,
+        y_d=values.y_d,
+        y=values.y,
+        names=_labels(plan, units or {}),
+        notes=_notes(plan, rate, inputs, t[:-1]),
+    )
+
+
+def _instants(rate: float, start: float, end: float) -> Array:
+    """t_k, and behind the last one the end of its hold."""
+    if not (np.isfinite(rate) and rate > 0):
+        raise TrajectoryError(f"rate must be a positive number of samples per second [Hz], got {rate}")
+    if not (np.isfinite(start) and np.isfinite(end) and end >= start):
+        raise TrajectoryError(f"expected start <= end, both finite [s], got start {start} and end {end}")
+    rows = np.floor((end - start) * rate + SIDE) + 1
+    if rows > LARGEST_PLAN:
+        raise TrajectoryError(
+            f"{rate} Hz from {start} s to {end} s gives {rows:.3g} rows, expected at most {LARGEST_PLAN}; lower the rate [Hz] or "
+            "choose start and end closer together"
+        )
+    t: Array = start + np.arange(rows + 1) / rate
+    return t
+
+
+def _held_input(plan: Plan, t: Array, nodes: int) -> Array:
+    """Mean of u over each hold (m, p) by Gauss quadrature over the stretches between breakpoints; one node is the midpoint rule."""
+    breakpoints = plan.breakpoints
+    edges = np.union1d(t, breakpoints[(breakpoints > t[0]) & (breakpoints < t[-1])])
+    length, middle = np.diff(edges), (edges[:-1] + edges[1:]) / 2
+    places, weights = np.polynomial.legendre.leggauss(nodes)
+    u = sum(weight / 2 * plan(middle + place * length / 2, inside=middle).u for place, weight in zip(places, weights, strict=True))
+    first = np.searchsorted(edges, t)  # where each hold's first stretch begins
+    share = length / np.repeat(np.diff(t), np.diff(first))
+    mean: Array = np.add.reduceat(share[:, None] * u, first[:-1], axis=0)
+    return mean
+
+
+def _labels(plan: Plan, units: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """Per array its channels' names, with [unit] where one is given."""
+    system = plan.model.systems[0]
+    names = {"u_ff": system.input_names, "x_ref": system.state_names, "y_d": system.output_names, "y": system.output_names}
+    known = {name for group in names.values() for name in group}
+    if unknown := set(units) - known:
+        raise TrajectoryError(f"units name no channel: {', '.join(sorted(unknown))}; the channels are: {', '.join(sorted(known))}")
+    return {array: tuple(f"{name} [{units[name]}]" if name in units else name for name in group) for array, group in names.items()}
+
+
+def _notes(plan: Plan, rate: float, inputs: Inputs, t: Array) -> tuple[str, ...]:
+    meaning = {
+        "midpoint": "value in the middle of the hold from t_k to t_(k+1), time-weighted mean of the stretches between breakpoints",
+        "average": "mean over the hold from t_k to t_(k+1)",
+        "sample": "value at t_k, to be interpolated",
+    }[inputs]
+    certificate = plan.certificate
+    return (
+        f"method: {plan.method}",
+        f"rate: {rate:.17g} Hz, {len(t)} rows from {t[0]:.17g} s to {t[-1]:.17g} s",
+        f"u_ff: {inputs}: {meaning}",
+        "x_ref, y_d, y: at t_k; x_ref is the deviation from the operating point, the others are absolute; u = u_ff - K (x - x_ref)",
+        f"manoeuvre: {plan.manoeuvre[0]:.17g} s to {plan.manoeuvre[1]:.17g} s",
+        f"preactuation: {plan.preactuation:.6g} s, postactuation: {plan.postactuation:.6g} s, to rest within "
+        f"{plan.tolerance:.3g} of each peak",
+        f"certificate: dynamics residual {certificate.dynamics_residual:.3g}, output error {certificate.output_error:.3g}, "
+        f"continuity {certificate.continuity:.3g}, rest residual {certificate.rest_residual:.3g}",
+        *(f"remark: {' '.join(remark.split())}" for remark in plan.remarks),
+    )

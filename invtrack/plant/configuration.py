@@ -1,0 +1,117 @@
+"""Between MuJoCo's coordinates (qpos, qvel, act) and the state x of a linear model about an operating point.
+
+The state lives in the tangent space of the operating point x0 = (qpos0, qvel0, act0):
+
+    x = (qpos - qpos0, qvel - qvel0, act - act0),    n = 2 nv + na,
+
+where the first difference is the velocity (nv,) that leads from qpos0 to qpos in one unit of time. For slides and hinges that is
+the plain difference; for the quaternion of a ball or free joint it is the rotation vector [rad] in the body's frame at qpos0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import PlantError
+from invtrack.plant.elements import element_id
+
+Array = NDArray[np.float64]
+
+
+def state_of(model: mujoco.MjModel, x0: Array, qpos: ArrayLike, qvel: ArrayLike, act: ArrayLike = ()) -> Array:
+    """The state x (2 nv + na,) of the configuration (qpos, qvel, act), as deviation from the operating point x0 (nq + nv + na,).
+
+    Rotations of ball and free joints are exact up to half a turn from x0; beyond it the shorter way round is taken.
+
+    Raises PlantError where a length does not fit the model.
+    """
+    qpos0, qvel0, act0 = split(model, x0)
+    qpos, qvel, act = (
+        _vector(name, value, size)
+        for name, value, size in (("qpos", qpos, model.nq), ("qvel", qvel, model.nv), ("act", act, model.na))
+    )
+    displacement = np.zeros(model.nv)
+    mujoco.mj_differentiatePos(model, displacement, 1.0, qpos0, qpos)
+    return np.concatenate([displacement, qvel - qvel0, act - act0])
+
+
+def configuration_of(model: mujoco.MjModel, x0: Array, x: ArrayLike) -> tuple[Array, Array, Array]:
+    """The configuration (qpos (nq,), qvel (nv,), act (na,)) of the state x (2 nv + na,): the inverse of `state_of`.
+
+    Raises PlantError where a length does not fit the model.
+    """
+    qpos, qvel0, act0 = split(model, x0)
+    x = _vector("x", x, 2 * model.nv + model.na)
+    mujoco.mj_integratePos(model, qpos, x[: model.nv], 1.0)
+    return qpos, qvel0 + x[model.nv : 2 * model.nv], act0 + x[2 * model.nv :]
+
+
+def split(model: mujoco.MjModel, x0: ArrayLike) -> tuple[Array, Array, Array]:
+    """Copies of the parts (qpos (nq,), qvel (nv,), act (na,)) of an operating point's x0."""
+    x0 = _vector("x0 = (qpos, qvel, act)", x0, model.nq + model.nv + model.na)
+    qpos, qvel, act = np.split(x0, [model.nq, model.nq + model.nv])
+    return qpos.copy(), qvel.copy(), act.copy()
+
+
+def _vector(name: str, value: ArrayLike, size: int) -> Array:
+    vector = np.array(value, dtype=float)
+    if vector.shape != (size,):
+        raise PlantError(f"{name} has shape {vector.shape}, expected ({size},)")
+    return vector
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """qpos (nq,), qvel (nv,), act (na,), ctrl (nu,) and the poses of mocap bodies, in MuJoCo's own coordinates."""
+
+    qpos: Array
+    qvel: Array
+    act: Array
+    ctrl: Array
+    mocap_pos: Array
+    mocap_quat: Array
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            getattr(self, field.name).setflags(write=False)
+
+    @classmethod
+    def of_model(cls, model: mujoco.MjModel, keyframe: str | None = None) -> Configuration:
+        """The configuration of a named keyframe, or without one the file's: qpos0, at rest, all controls 0."""
+        data = mujoco.MjData(model)
+        if keyframe is not None:
+            mujoco.mj_resetDataKeyframe(model, data, element_id(model, "keyframe", keyframe))
+        return cls(**{field.name: np.array(getattr(data, field.name)) for field in fields(cls)}).normalized(model)
+
+    def replaced(self, model: mujoco.MjModel, **arrays: ArrayLike | None) -> Configuration:
+        """A copy with some arrays replaced (None keeps what is there). Raises PlantError for wrong sizes or non-finite entries."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        for name, value in arrays.items():
+            if value is None:
+                continue
+            array = np.array(value, dtype=float)
+            if array.shape != values[name].shape or not np.all(np.isfinite(array)):
+                raise PlantError(f"{name} must hold {values[name].size} finite numbers, got {value!r}")
+            values[name] = array
+        return Configuration(**values).normalized(model)
+
+    def normalized(self, model: mujoco.MjModel) -> Configuration:
+        """The same configuration with quaternions of length 1."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        qpos = np.array(self.qpos)
+        mujoco.mj_normalizeQuat(model, qpos)
+        return Configuration(**{**values, "qpos": qpos})
+
+    def write(self, data: mujoco.MjData) -> None:
+        """Put the configuration into MuJoCo's data."""
+        for field in fields(self):
+            getattr(data, field.name)[:] = getattr(self, field.name)
+
+    @property
+    def x0(self) -> Array:
+        """(qpos, qvel, act) as one vector (nq + nv + na,), the x0 of an operating point."""
+        return np.concatenate([self.qpos, self.qvel, self.act])

@@ -1,0 +1,233 @@
+"""A mechanism from an MJCF file with named inputs, outputs, states and parameters."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from types import MappingProxyType
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import PlantError
+from invtrack.linear.state_space import OperatingPoint
+from invtrack.plant.callbacks import mujoco_callbacks
+from invtrack.plant.configuration import Configuration, state_of
+from invtrack.plant.couplings import VelocityCoupling, velocity_couplings
+from invtrack.plant.elements import control_limits, input_channels, listed, output_channels, state_channels
+from invtrack.plant.loading import compile_spec, load_model
+from invtrack.plant.named_channels import NamedChannels, dropped_states, with_units
+from invtrack.plant.parameters import Parameter
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Plant(NamedChannels):
+    """A MuJoCo model seen as a system with inputs u = data.ctrl, outputs y = data.sensordata, and named physical parameters.
+
+    The state is x = (tangent of qpos, qvel, act), each as deviation from the operating point; n = 2 nv + na (see
+    `invtrack.plant.configuration`), or less where coordinates are dropped. Actuators that are not inputs hold their control of the
+    operating point.
+
+    path: the MJCF file. model: the model compiled with the file's parameter values (make a copy with `model_with` before changing
+    anything in it). spec: what it was compiled from. configuration: the operating point in MuJoCo's coordinates. parameters: what
+    each named parameter changes. couplings: forces linear in velocity that the file carries (see `invtrack.plant.couplings`) and
+    MuJoCo applies only within `forces`, in which everything that invtrack computes from the plant takes place.
+    """
+
+    path: Path
+    model: mujoco.MjModel
+    spec: mujoco.MjSpec = field(repr=False)
+    configuration: Configuration = field(repr=False)
+    parameters: Mapping[str, Parameter]
+    parameter_units: Mapping[str, str] = field(repr=False)
+    couplings: tuple[VelocityCoupling, ...] = ()
+
+    @classmethod
+    def from_xml(
+        cls,
+        path: str | Path,
+        *,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        measurements: Sequence[str] | None = None,
+        drop_states: Sequence[str] = (),
+        parameters: Mapping[str, Parameter] | None = None,
+        units: Mapping[str, str] | None = None,
+        keyframe: str | None = None,
+    ) -> Plant:
+        """Load an MJCF file.
+
+        inputs: actuators ("NAME", or "NAME[1]" where one has several controls). outputs: sensors ("NAME", "NAME[1]"), or
+        "joint:NAME", "joint:NAME:velocity", "site:NAME:x" (y, z; world coordinates). measurements: what controllers that do not
+        know the state may measure, named like outputs; the outputs unless stated. drop_states: coordinates that act on nothing
+        (where a vehicle stands, its heading), which models and controllers are not to see; the simulation still moves them, and
+        `linearize` refuses where they do act. parameters: for instance {"tip_mass": BodyMass("tip")}. units: SI units that
+        replace those inferred, by the name of an input, output, state or parameter. keyframe: the operating point; without it
+        qpos0 at rest with zero controls.
+
+        Raises PlantError for a file that does not compile, unknown names (with those there are), velocity couplings that do not
+        fit the model, and models whose state is more than (qpos, qvel, act): history buffers, plugins with state, plasticity.
+        """
+        path, units = Path(path), dict(units or {})
+        measurements = outputs if measurements is None else measurements
+        spec, model = load_model(path, sensors=(outputs, measurements))
+        parameters = dict(parameters or {})
+        for name, parameter in parameters.items():
+            if not name.isidentifier():
+                raise PlantError(f"parameter {name!r} cannot be written as a keyword; use letters, digits and underscores")
+            parameter.read(model)  # raises where it names nothing in this model
+        plant = cls(
+            path=path,
+            model=model,
+            spec=spec,
+            configuration=Configuration.of_model(model, keyframe),
+            inputs=with_units(input_channels(model, inputs), units),
+            outputs=with_units(output_channels(model, outputs), units),
+            measurements=with_units(output_channels(model, measurements), units),
+            coordinates=with_units(state_channels(model), units),
+            dropped=dropped_states(state_channels(model), drop_states),
+            parameters=MappingProxyType(parameters),
+            parameter_units=MappingProxyType({name: units.get(name, known.unit(model)) for name, known in parameters.items()}),
+            couplings=velocity_couplings(model),
+        )
+        plant.require_known(units, besides=parameters)
+        return plant
+
+    def at(
+        self,
+        *,
+        qpos: ArrayLike | None = None,
+        qvel: ArrayLike | None = None,
+        act: ArrayLike | None = None,
+        ctrl: ArrayLike | None = None,
+        keyframe: str | None = None,
+    ) -> Plant:
+        """The same plant at another operating point: a named keyframe's, or this one's, with the given arrays in place of it.
+
+        qpos (nq,), qvel (nv,), act (na,), ctrl (nu,: of all actuators). Raises PlantError for wrong sizes or an unknown keyframe.
+        """
+        start = self.configuration if keyframe is None else Configuration.of_model(self.model, keyframe)
+        return replace(self, configuration=start.replaced(self.model, qpos=qpos, qvel=qvel, act=act, ctrl=ctrl))
+
+    @property
+    def name(self) -> str:
+        """The model's name in its file."""
+        return str(self.spec.modelname)
+
+    @property
+    def input_limits(self) -> Array:
+        """Lowest and highest value of each input that its actuator passes on, (p, 2); infinite where it is not limited."""
+        return control_limits(self.model, self.input_addresses)
+
+    @property
+    def parameter_values(self) -> dict[str, float]:
+        """The parameters' values in the file."""
+        return {name: parameter.read(self.model) for name, parameter in self.parameters.items()}
+
+    @property
+    def parameter_bodies(self) -> dict[str, str]:
+        """The bodies of those parameters that belong to one."""
+        return {name: parameter.body for name, parameter in self.parameters.items() if parameter.body is not None}
+
+    @property
+    def operating_point(self) -> OperatingPoint:
+        """x0 = (qpos, qvel, act) (nq + nv + na,), u0 (p,) and y0 (p,), with the file's parameter values."""
+        return self.operating_point_in(self.model)
+
+    def operating_point_in(self, model: mujoco.MjModel) -> OperatingPoint:
+        """The operating point with the parameter values of `model` (from `model_with`)."""
+        data = self.new_data(model)
+        return OperatingPoint(x0=self.configuration.x0, u0=data.ctrl[self.input_addresses], y0=self.measure(data))
+
+    def new_data(self, model: mujoco.MjModel | None = None) -> mujoco.MjData:
+        """Fresh MuJoCo data at the operating point, after mj_forward; for `model` from `model_with`, or the plant's own."""
+        model = self.model if model is None else model
+        data = mujoco.MjData(model)
+        self.configuration.write(data)
+        with self.forces(model):
+            mujoco.mj_forward(model, data)
+        return data
+
+    def forces(self, model: mujoco.MjModel | None = None) -> AbstractContextManager[None]:
+        """A block in which MuJoCo applies the velocity couplings to `model` (from `model_with`), or to the plant's own model.
+
+        Whoever calls mj_forward, mj_step, mj_inverse or mujoco.rollout on a plant's model does so within it:
+
+            model = plant.model_with()
+            data = plant.new_data(model)
+            with plant.forces(model):
+                mujoco.mj_step(model, data)
+
+        The block holds for this model object alone, not for copies of it; blocks for several models and plants may be nested. It
+        works through MuJoCo's passive callback (see `invtrack.plant.callbacks`), of which a model has one at a time. A plant
+        without couplings installs none.
+
+        Raises PlantError for a model that did not come from this plant.
+        """
+        if not self.couplings:
+            return nullcontext()
+        model = self.model if model is None else model
+        self._require_own(model)
+        return mujoco_callbacks(model, passive=self._add_coupling_forces)
+
+    def _add_coupling_forces(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        for coupling in self.couplings:
+            coupling.add_forces(model, data)
+
+    def measure(self, data: mujoco.MjData) -> Array:
+        """The outputs (p,) in data.sensordata, which is up to date after mj_forward (after mj_step it lags by one step)."""
+        return np.array(data.sensordata[self.output_addresses])
+
+    def state(self, data: mujoco.MjData) -> Array:
+        """The state x (n,) of the data, as deviation from the operating point."""
+        return state_of(self.model, self.configuration.x0, data.qpos, data.qvel, data.act)[self.state_addresses]
+
+    def model_with(self, values: Mapping[str, float] | None = None) -> mujoco.MjModel:
+        """A fresh copy of the model with named parameters set; the others as in the file. Raises PlantError like `apply`."""
+        model = copy.copy(self.model)
+        self.apply(model, values or {})
+        return model
+
+    def apply(self, model: mujoco.MjModel, values: Mapping[str, float]) -> None:
+        """Set named parameters in a model that came from this plant, in place, also while a simulation is running.
+
+        Live data keep qpos, qvel and act; call mj_forward before reading accelerations or sensors from them. Everything that MuJoCo
+        derives from masses is computed anew. Raises PlantError, leaving the model as it was, for unknown parameters and for values
+        that are negative, not finite, or leave a moving body without mass.
+        """
+        self._check(values)
+        self._require_own(model)
+        for target in (copy.copy(model), model):  # the copy takes any refusal, so that the model itself stays whole
+            for name, value in values.items():
+                self.parameters[name].write(target, float(value), reference=self.model)
+        # The scratch data are thrown away: mj_setConst puts qpos0 into the data it is given.
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+    def compiled_with(self, values: Mapping[str, float]) -> mujoco.MjModel:
+        """A model compiled afresh with named parameters set in its specification: an independent check on `model_with`.
+
+        Raises PlantError like `apply`, and where the file's compiler options overwrite a parameter.
+        """
+        self._check(values)
+        spec = self.spec.copy()
+        for name, value in values.items():
+            self.parameters[name].write_spec(spec, float(value), reference=self.model)
+        return compile_spec(spec, f"{self.path} with {dict(values)}")
+
+    def _require_own(self, model: mujoco.MjModel) -> None:
+        if model.signature != self.model.signature:
+            raise PlantError(f"expected a model that came from plant {self.name!r} (plant.model_with()), got another one")
+
+    def _check(self, values: Mapping[str, float]) -> None:
+        for name, value in values.items():
+            if name not in self.parameters:
+                raise PlantError(f"plant {self.name!r} has no parameter {name!r}; there are: {listed(self.parameters)}")
+            if not math.isfinite(value) or value < 0:
+                raise PlantError(f"parameter {name!r} must be finite and not negative [{self.parameter_units[name]}], got {value}")

@@ -1,0 +1,67 @@
+"""The same plant with something about its hardware changed for good: input limits, velocity couplings of another strength."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from invtrack.errors import PlantError
+from invtrack.plant.couplings import velocity_couplings
+from invtrack.plant.elements import listed
+from invtrack.plant.plant import Plant
+
+
+def with_input_limits(plant: Plant, limits: Mapping[str, ArrayLike]) -> Plant:
+    """The plant whose actuators pass on only the inputs within `limits` (their ctrlrange), whatever the file allows.
+
+    limits: (lowest, highest) by the name of the input, in its unit; a number stands for (-number, number). Inputs that are not
+    named keep their range.
+
+    Raises PlantError for inputs that there are not, limits that are not finite or not in order, and a model that disables clamping.
+    """
+    unknown = [name for name in limits if name not in plant.input_names]
+    if unknown:
+        raise PlantError(f"limits are given for {listed(unknown)}; the plant's inputs are: {listed(plant.input_names)}")
+    model, spec = copy.copy(plant.model), plant.spec.copy()
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL:
+        raise PlantError(f"plant {plant.name!r} disables the clamping of controls, so limits would do nothing; remove that flag")
+    for name, given in limits.items():
+        actuator = spec.actuator(name)
+        if actuator is None:
+            raise PlantError(f"input {name!r} is one of several controls of its actuator; state its ctrlrange in the file")
+        bounds = np.asarray(given, dtype=float)
+        if bounds.shape not in ((), (2,)):
+            raise PlantError(f"limits of input {name!r} must be a number or two (lowest, highest), got shape {bounds.shape}")
+        low, high = (-bounds, bounds) if bounds.ndim == 0 else bounds
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise PlantError(f"limits of input {name!r} must be finite, the lowest before the highest, got {bounds.tolist()}")
+        address = plant.inputs[plant.input_names.index(name)].address
+        model.actuator_ctrllimited[address], model.actuator_ctrlrange[address] = True, (low, high)
+        actuator.ctrllimited, actuator.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, (low, high)
+    return replace(plant, model=model, spec=spec)
+
+
+def with_coupling_scaled(plant: Plant, name: str, scale: float) -> Plant:
+    """The plant whose velocity coupling of that name has the matrix `scale` K in place of K, in the model, its specification and
+    the forces alike.
+
+    Raises PlantError for a coupling that there is not and a scale that is not finite.
+    """
+    known = {coupling.name: coupling for coupling in plant.couplings}
+    if name not in known:
+        raise PlantError(f"plant {plant.name!r} has no velocity coupling {name!r}; there are: {listed(known)}")
+    if not math.isfinite(scale):
+        raise PlantError(f"the scale of coupling {name!r} must be finite, got {scale}")
+    model, spec = copy.copy(plant.model), plant.spec.copy()
+    entries = (scale * known[name].K).ravel()
+    start = model.numeric_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name)]
+    model.numeric_data[start : start + entries.size] = entries
+    for i, entry in enumerate(entries.tolist()):
+        spec.numeric(name).data[i] = entry
+    return replace(plant, model=model, spec=spec, couplings=velocity_couplings(model))

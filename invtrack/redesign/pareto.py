@@ -1,0 +1,166 @@
+"""What redesign trades, over a range of weights: tracking error against input and internal motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.integrate
+from numpy.typing import NDArray
+
+from invtrack.errors import RedesignError
+from invtrack.linear.switched import as_switched
+from invtrack.plans.plan import Plan
+from invtrack.redesign.cost import cost
+from invtrack.redesign.limits import StateRow, state_row
+from invtrack.redesign.quadratic import quadratic_redesign
+from invtrack.references.signal import PiecewiseSignal
+
+Array = NDArray[np.float64]
+
+NO_WORSE = 1e-9
+"""Share of a figure's largest value by which two points may differ and still count as equal in it."""
+
+SAMPLES = 12_288
+"""Values of a plan, about, of which a peak is the largest."""
+
+FIGURES = ("max_error", "peak_input", "rms_input")
+WEIGHTS = {"R", "Q_x", "Q_y"}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one plan gives up and what it asks for, from its values alone.
+
+    max_error: largest |y_i - y_d,i|. peak_input: largest |u_i - u0_i|. rms_input: square root of the integral of |u - u0|^2 from
+    the plan's start to its end, divided by the duration of the manoeuvre. peaks: largest magnitude of each named internal quantity.
+    Units are those of the outputs, inputs and states.
+    """
+
+    max_error: float
+    peak_input: float
+    rms_input: float
+    peaks: Mapping[str, float]
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """All of it by name: max_error, peak_input, rms_input, and peak_<quantity> for each internal quantity."""
+        named = {name: float(getattr(self, name)) for name in FIGURES}
+        return named | {f"peak_{name}": value for name, value in self.peaks.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class TradeOff:
+    """Outcomes of redesigns with different weights, in the order in which these were given.
+
+    weights: as given. plans: the redesigned trajectories. outcomes: what each gives up and asks for. costs: the integral that each
+    minimises, with its own weights. exact: the same of exact inversion, None where it was not given.
+    """
+
+    weights: tuple[Mapping[str, Any], ...]
+    plans: tuple[Plan, ...]
+    outcomes: tuple[Outcome, ...]
+    costs: tuple[float, ...]
+    exact: Outcome | None
+
+    def values(self, figure: str) -> Array:
+        """One figure of all outcomes, (m,). Raises RedesignError for an unknown one."""
+        known = self.outcomes[0].figures
+        if figure not in known:
+            raise RedesignError(f"no figure named {figure!r}; there are: {', '.join(known)}")
+        return np.array([outcome.figures[figure] for outcome in self.outcomes])
+
+    def shares(self, figure: str) -> Array:
+        """That figure as a share of exact inversion's, (m,). Raises RedesignError where there is none to compare with."""
+        if self.exact is None:
+            raise RedesignError("there is no exact inversion to compare with; give its plan to pareto_sweep(..., exact=...)")
+        values, whole = self.values(figure), self.exact.figures[figure]
+        if whole <= NO_WORSE * float(np.max(values)):
+            raise RedesignError(f"exact inversion's {figure} is zero, so that nothing is a share of it; take the values themselves")
+        return np.asarray(values / whole)
+
+    @cached_property
+    def dominated(self) -> NDArray[np.bool_]:
+        """Which points (m,) another one beats: no worse in any figure, better in at least one."""
+        table = np.array([list(outcome.figures.values()) for outcome in self.outcomes])  # (m, figures)
+        equal = NO_WORSE * np.max(np.where(np.isfinite(table), table, 0.0), axis=0)
+        no_worse = np.all(table[:, None] <= table[None] + equal, axis=2)  # (m, m): the first against the second
+        better = np.any(table[:, None] < table[None] - equal, axis=2)
+        return np.asarray(np.any(no_worse & better, axis=0))
+
+    @property
+    def rows(self) -> list[dict[str, float | bool]]:
+        """Figures, cost and whether it is dominated, one mapping per point: for tables and files."""
+        points = zip(self.outcomes, self.costs, self.dominated.tolist(), strict=True)
+        return [{**outcome.figures, "cost": cost_, "dominated": beaten} for outcome, cost_, beaten in points]
+
+
+def pareto_sweep(
+    model: Any,
+    reference: PiecewiseSignal,
+    *,
+    weights: Sequence[Mapping[str, Any]],
+    quantities: Mapping[str, StateRow] | None = None,
+    exact: Plan | None = None,
+    method: Callable[..., Plan] = quadratic_redesign,
+    **options: Any,
+) -> TradeOff:
+    """Redesign with each of the weights, and what each plan gives up and asks for.
+
+    model, reference: as for `quadratic_redesign`. weights: one mapping {"R": ..., "Q_x": ..., "Q_y": ...} per point, Q_x zero
+    unless stated. quantities: internal quantities by name, each a combination of states, {"th1": 1.0, "th2": -1.0}. exact: the
+    plan of exact inversion for the same reference, to compare with. method: called as method(model, reference, **weights,
+    **options).
+
+    Raises RedesignError for no or unknown weights and for quantities that do not fit the states, and as the method does.
+    """
+    if not weights or any(not {"R", "Q_y"} <= set(point) <= WEIGHTS for point in weights):
+        keys = [sorted(point) for point in weights]
+        raise RedesignError(f"expected for each point a mapping with R, Q_y and, if wanted, Q_x; got {keys}")
+    plant = as_switched(model)
+    rows = {name: state_row(name, row, plant.systems[0]) for name, row in (quantities or {}).items()}
+    plans = tuple(method(plant, reference, **point, **options) for point in weights)
+    return TradeOff(
+        weights=tuple(weights),
+        plans=plans,
+        outcomes=tuple(outcome(plan, rows) for plan in plans),
+        costs=tuple(cost(plan, **point) for plan, point in zip(plans, weights, strict=True)),
+        exact=None if exact is None else outcome(exact, rows),
+    )
+
+
+def outcome(plan: Plan, quantities: Mapping[str, StateRow] | None = None) -> Outcome:
+    """What a plan of any method gives up and asks for; quantities as in `pareto_sweep`.
+
+    Raises RedesignError for quantities that do not fit the states.
+    """
+    system = plan.model.systems[0]
+    rows = {name: state_row(name, row, system) for name, row in (quantities or {}).items()}
+    times, inside = _dense_times(plan)
+    at = plan(times.ravel(), inside=inside)
+    u = at.u - system.operating_point.u0
+    power = np.sum(u**2, axis=1).reshape(times.shape)
+    energy = float(np.sum(scipy.integrate.simpson(power, x=times, axis=1)))
+    return Outcome(
+        max_error=_peak(at.y - at.y_d),
+        peak_input=_peak(u),
+        rms_input=float(np.sqrt(energy / (plan.manoeuvre[1] - plan.manoeuvre[0]))),
+        peaks={name: _peak(at.x @ row) for name, row in rows.items()},
+    )
+
+
+def _dense_times(plan: Plan) -> tuple[Array, Array]:
+    """Times (pieces, m) over the whole plan, ends of the pieces included, and for each, flat, a time inside the piece meant: a peak
+    may lie on one side of a jump."""
+    edges = np.unique(np.concatenate([[plan.start], plan.breakpoints, [plan.end]]))
+    middle = (edges[:-1] + edges[1:]) / 2
+    count = 2 * max(4, SAMPLES // (2 * len(middle))) + 1  # odd, for Simpson's rule
+    times = edges[:-1, None] + np.diff(edges)[:, None] * np.linspace(0.0, 1.0, count)
+    return times, np.repeat(middle, count)
+
+
+def _peak(values: Array) -> float:
+    return float(np.max(np.abs(values)))

@@ -1,0 +1,198 @@
+"""The optimum at one frequency, from coprime factors of the plant: regular at its poles on the imaginary axis."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import RedesignError
+from invtrack.linear.state_space import StateSpace
+from invtrack.redesign.prefilter.reference_spectrum import FourierWindow
+from invtrack.redesign.weights import FrequencyWeight
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+AXIS_TOLERANCE = 1e-7
+"""A pole of the optimum counts as on the axis where its real part is below this share of the fastest: it is a double one there."""
+
+MAX_HARMONICS = 2**18
+"""Windows with more frequencies than this are not tried."""
+
+QUIET_CHANNEL = 1e-6
+"""A channel whose peak is below this share of the largest of its kind is measured against that share."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """From y_d to the optimum at w (m,) [rad/s]: G_u (m, p, p) to u, G_xu = G_x G_u (m, n, p) to x, G_f (m, p, p) to y."""
+
+    w: Array
+    G_u: ComplexArray
+    G_xu: ComplexArray
+    G_f: ComplexArray
+
+    @property
+    def stacked(self) -> ComplexArray:
+        """[G_u; G_xu; G_f]: (m, p + n + p, p)."""
+        return np.concatenate([self.G_u, self.G_xu, self.G_f], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class OptimalResponse:
+    """The plant with its weights, and a gain K (p, n) for which A - B K is stable; the optimum does not depend on K.
+
+    With G_x = N_x M^-1, G_y = N_y M^-1, N_x = (jw - A + B K)^-1 B, M = 1 - K N_x, N_y = C N_x + D M, the optimal input is u = M v,
+    v the least-squares solution of [F_R M; F_x N_x; F_y N_y] v = [0; 0; F_y] y_d, where F*F is the weight.
+    """
+
+    model: StateSpace
+    R: FrequencyWeight
+    Q_x: FrequencyWeight
+    Q_y: FrequencyWeight
+    K: Array
+
+    def factors(self, w: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """M (m, p, p), N_x (m, n, p), N_y (m, p, p) at frequencies w (m,)."""
+        model, n = self.model, self.model.n_states
+        pencil = 1j * w[:, None, None] * np.eye(n) - (model.A - model.B @ self.K)
+        N_x = np.asarray(np.linalg.solve(pencil, np.broadcast_to(model.B, (len(w), *model.B.shape))), dtype=complex)
+        M = np.asarray(np.eye(model.n_channels) - self.K @ N_x, dtype=complex)
+        return M, N_x, np.asarray(model.C @ N_x + model.D @ M)
+
+    def __call__(self, w: Array) -> FrequencyResponse:
+        """The response at frequencies w (m,), not negative.
+
+        Raises RedesignError where the weights leave a direction of the input free, so that the optimum is not unique.
+        """
+        p, n = self.model.n_channels, self.model.n_states
+        if self.Q_y.is_zero:
+            return FrequencyResponse(w, *(np.zeros((len(w), rows, p), dtype=complex) for rows in (p, n, p)))
+        M, N_x, N_y = self.factors(w)
+        F_y = self.Q_y.factor(w)
+        Q, T = np.linalg.qr(np.concatenate([self.R.factor(w) @ M, self.Q_x.factor(w) @ N_x, F_y @ N_y], axis=1))
+        pivots = np.min(np.abs(np.diagonal(T, axis1=1, axis2=2)), axis=1)
+        if not np.all(pivots > 0):
+            raise RedesignError(
+                f"the weights leave an input free at w = {w[int(np.argmin(pivots))]:.6g} rad/s: nothing that it moves costs "
+                "anything, so the optimum is not unique; make R positive definite"
+            )
+        v = np.linalg.solve(T, np.swapaxes(Q[:, p + n :].conj(), 1, 2) @ F_y)
+        return FrequencyResponse(w, M @ v, N_x @ v, N_y @ v)
+
+    def poles(self, w: float) -> ComplexArray:
+        """Poles of the optimum left of the axis, or on it, with the weights as they are at frequency w.
+
+        Generalized eigenvalues of the optimality conditions x' = A x + B u, -l' = A'l + Q x + S u, 0 = B'l + S'x + (R + D'Q_y D) u;
+        for R > 0, D = 0 those of [[A, -B R^-1 B'], [-(Q_x + C'Q_y C), -A']].
+        """
+        A, B, C, D = self.model.A, self.model.B, self.model.C, self.model.D
+        n, p = self.model.n_states, self.model.n_channels
+        R, Q_x, Q_y = (weight.at(w).real for weight in (self.R, self.Q_x, self.Q_y))
+        S = C.T @ Q_y @ D
+        H = np.block(
+            [[A, np.zeros((n, n)), B], [-(Q_x + C.T @ Q_y @ C), -A.T, -S], [S.T, B.T, R + D.T @ Q_y @ D]],
+        )
+        E = scipy.linalg.block_diag(np.eye(2 * n), np.zeros((p, p)))
+        alpha, beta = scipy.linalg.eigvals(H, E, homogeneous_eigvals=True)
+        size = np.linalg.norm(H, 1)
+        finite = np.abs(beta) * size * 1e6 > np.abs(alpha)
+        poles = alpha[finite] / beta[finite]
+        return np.asarray(poles[poles.real <= AXIS_TOLERANCE * np.max(np.abs(poles), initial=0.0)])
+
+
+def factoring_gain(model: StateSpace, given: ArrayLike | None = None) -> Array:
+    """A gain K (p, n) with A - B K stable: the one given, checked, or one from a Riccati equation with unit weights.
+
+    Raises RedesignError where there is none, or the given one does not stabilize.
+    """
+    n, p = model.n_states, model.n_channels
+    if given is None:
+        try:
+            K = model.B.T @ scipy.linalg.solve_continuous_are(model.A, model.B, np.eye(n), np.eye(p))
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise RedesignError(
+                f"the plant cannot be stabilized: {error}; a mode on or right of the imaginary axis is out of reach of the inputs "
+                f"{list(model.input_names)}, remove it from the model or choose other inputs"
+            ) from error
+    else:
+        K = np.array(given, dtype=float)
+        if K.shape != (p, n) or not np.all(np.isfinite(K)):
+            raise RedesignError(f"stabilizing_gain must be a finite ({p}, {n}) matrix for u = -K x, got shape {K.shape}")
+    poles = np.linalg.eigvals(model.A - model.B @ K)
+    if np.any(poles.real >= 0):
+        raise RedesignError(f"the gain does not stabilize the plant: A - B K has poles {np.round(poles, 6).tolist()}")
+    return np.asarray(K)
+
+
+def time_scales(response: OptimalResponse, probes: Array) -> tuple[float, float]:
+    """Slowest decay [1/s] and fastest pole [rad/s] of the optimum; weights that vary are taken at the frequencies `probes`.
+
+    Raises RedesignError where constant weights leave a pole of the optimum on the imaginary axis.
+    """
+    model = response.model
+    if response.Q_y.is_zero:
+        own = np.linalg.eigvals(model.A - model.B @ response.K)
+        return float(-np.max(own.real)), float(np.max(np.abs(own)))
+    constant = all(weight.is_constant for weight in (response.R, response.Q_x, response.Q_y))
+    families = [response.poles(float(w)) for w in (probes[:1] if constant else probes)]
+    if constant:
+        _require_off_axis(families[0])
+    poles = np.concatenate(families)
+    stable = poles[-poles.real > AXIS_TOLERANCE * np.max(np.abs(poles), initial=0.0)]
+    if stable.size == 0:
+        stable = np.linalg.eigvals(model.A - model.B @ response.K)
+    return float(np.min(-stable.real)), float(np.max(np.abs(stable)))
+
+
+def _require_off_axis(poles: ComplexArray) -> None:
+    offending = poles[np.abs(poles.real) <= AXIS_TOLERANCE * np.max(np.abs(poles), initial=0.0)]
+    if offending.size:
+        raise RedesignError(
+            f"the optimum has poles on the imaginary axis at {np.round(offending, 6).tolist()}: an undamped mode that the weights "
+            "leave free, or (R = Q_x = 0) a zero of the plant there; give weight to that mode in Q_x, or to the input in R"
+        )
+
+
+def refine(
+    samples: Callable[[FourierWindow], Array], window: FourierWindow, times: Array | None, tolerance: float, groups: Sequence[int]
+) -> tuple[Array, Array, float]:
+    """(times (m,), values (m, c), truncation error) of a signal whose samples on any window are known.
+
+    The error is the largest change at these times when the window is made twice as long plus the one when the bandwidth is doubled,
+    relative to the channel's peak over the window; `groups` says how many channels are of one kind (inputs, states, outputs).
+
+    Raises RedesignError where it stays above `tolerance` with as many frequencies as are tried.
+    """
+    values = samples(window)
+    while True:
+        at = np.linspace(window.start, window.end, 2 * window.harmonics + 1) if times is None else times
+        here, peak = window.interpolate(values, at), _peaks(values, groups)
+        longer, wider = window.lengthened(), window.widened()
+        longer_values, wider_values = samples(longer), samples(wider)
+        window_error = float(np.max(np.abs(longer.interpolate(longer_values, at) - here) / peak))
+        bandwidth_error = float(np.max(np.abs(wider.interpolate(wider_values, at) - here) / peak))
+        if window_error + bandwidth_error <= tolerance:
+            return at, here, window_error + bandwidth_error
+        if longer.harmonics > MAX_HARMONICS:
+            raise RedesignError(
+                f"the redesign is truncated by {window_error:.1e} (window of {window.length:.4g} s) and {bandwidth_error:.1e} "
+                f"(bandwidth of {2 * np.pi * window.harmonics / window.length:.4g} rad/s) of its peak, more than the tolerance "
+                f"{tolerance:.1e}, and {MAX_HARMONICS} frequencies are not enough for less; accept a larger tolerance, use a "
+                "smoother reference or more input weight R, or, with constant weights, the redesign in the time domain"
+            )
+        window, values = (longer, longer_values) if window_error > bandwidth_error else (wider, wider_values)
+
+
+def _peaks(values: Array, groups: Sequence[int]) -> Array:
+    """Largest |value| of each channel, or the share of its kind's largest that counts for quiet ones: (c,)."""
+    peak: Array = np.max(np.abs(values), axis=0)
+    per_kind = len(peak) // sum(groups)
+    for part in np.split(peak, np.cumsum(groups)[:-1] * per_kind):
+        largest = np.max(part, initial=0.0)
+        part[:] = np.maximum(part, QUIET_CHANNEL * largest) if largest > 0 else 1.0
+    return peak

@@ -1,0 +1,206 @@
+"""Optimal output-trajectory redesign in the frequency domain: a prefilter, computed once, for any reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.errors import RedesignError, TrajectoryError
+from invtrack.linear.switched import as_switched
+from invtrack.plans.problem import require_reference
+from invtrack.redesign.holding import FREE_HOLDING, without_rounding
+from invtrack.redesign.prefilter.frequency_response import FrequencyResponse, OptimalResponse, factoring_gain, refine, time_scales
+from invtrack.redesign.prefilter.impulse import ImpulseResponse, impulse_samples, require_strictly_proper
+from invtrack.redesign.prefilter.reference_spectrum import FourierWindow, held_values, rate_spectrum
+from invtrack.redesign.weights import WeightLike, frequency_weight
+from invtrack.references.signal import PiecewiseSignal
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+ZERO_TOLERANCE = 1e-12
+"""G_y counts as singular where its smallest singular value is below this share of the terms it is the sum of."""
+
+BANDWIDTH_FACTOR = 8.0
+"""First guess of the bandwidth, in multiples of the fastest pole."""
+
+
+@dataclass(frozen=True, eq=False)
+class PrefilteredTrajectory:
+    """The optimum for one reference at times (m,) [s]: u (m, p), x (m, n), y (m, p) and the wanted y_d (m, p).
+
+    x is the deviation from the operating point, the others are absolute. truncation_error: what doubling the window and doubling
+    the bandwidth change, as a share of each channel's peak (see `refine`).
+    """
+
+    time: Array
+    u: Array
+    x: Array
+    y: Array
+    y_d: Array
+    truncation_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Prefilter:
+    """u_opt = G_u y_d, x_opt = G_xu y_d, y_opt = G_f y_d: made by `prefilter`, independent of the reference.
+
+    decay_rate [1/s]: how fast the optimum dies out before and after the reference moves. bandwidth [rad/s]: first guess of the
+    highest frequency that matters. Both are those of the optimum's poles, and starting points only: `apply` and `impulse_response`
+    measure what they leave out.
+    """
+
+    response: OptimalResponse
+    decay_rate: float
+    bandwidth: float
+
+    def frequency_response(self, w: ArrayLike) -> FrequencyResponse:
+        """G_u (m, p, p), G_xu (m, n, p), G_f (m, p, p) at frequencies w (m,) [rad/s] of either sign, poles of the plant included.
+
+        Raises TrajectoryError for frequencies that are not finite, RedesignError where the optimum is not unique.
+        """
+        frequencies = _finite("frequencies", w)
+        above = self.response(np.abs(frequencies))
+        G_u, G_xu, G_f = (np.where((frequencies < 0)[:, None, None], G.conj(), G) for G in (above.G_u, above.G_xu, above.G_f))
+        return FrequencyResponse(frequencies, G_u, G_xu, G_f)
+
+    def input_change(self, w: ArrayLike) -> ComplexArray:
+        """G_v (m, p, p), the change of input against exact inversion: u_opt = u_ff + G_v y_d, G_v = G_u - G_y^-1.
+
+        Source: Devasia 1996 (AIAA note), eq. 3. Raises RedesignError at a zero of the plant on the imaginary axis.
+        """
+        frequencies = _finite("frequencies", w)
+        model, (M, N_x, N_y) = self.response.model, self.response.factors(frequencies)
+        terms = np.max(np.abs(model.C) @ np.abs(N_x) + np.abs(model.D) @ np.abs(M), axis=(1, 2))
+        share = np.linalg.svd(N_y, compute_uv=False)[:, -1] / terms
+        if np.min(share) < ZERO_TOLERANCE:
+            raise RedesignError(
+                f"the plant has a zero at w = {frequencies[int(np.argmin(share))]:.6g} rad/s, where exact inversion has no bounded "
+                "input; ask for other frequencies, or use frequency_response, which is regular there"
+            )
+        return np.asarray(self.frequency_response(frequencies).G_u - M @ np.linalg.inv(N_y))
+
+    def impulse_response(self, times: ArrayLike | None = None, *, tolerance: float = 1e-4) -> ImpulseResponse:
+        """The kernels g_u, g_x, g_f (y_opt = g_f * y_d, by convolution) at times (m,) [s], by default over all of the window.
+
+        Raises RedesignError where `tolerance`, the largest truncation error as a share of each peak, cannot be met, and where a
+        kernel contains an impulse itself (D not zero, or R = 0), for which there are no samples.
+        """
+        require_strictly_proper(self.response, self.bandwidth)
+        reach = self._reach(tolerance)
+        wanted = None if times is None else _finite("times", times)
+        window = FourierWindow.covering(-reach, reach, self.bandwidth)
+        time, values, error = refine(
+            lambda window: impulse_samples(self.response, window), window, wanted, tolerance, self._groups()
+        )
+        p, n = self.response.model.n_channels, self.response.model.n_states
+        g_u, g_x, g_f = np.split(values.reshape(len(time), p + n + p, p), [p, p + n], axis=1)
+        return ImpulseResponse(time, g_u, g_x, g_f, error)
+
+    def preview_time(self, level: float = 0.01) -> float:
+        """How long [s] before the reference the input has to start: before that its kernel stays below `level` of its peak.
+
+        Raises RedesignError for a level outside 0 ... 1, and as `impulse_response` does.
+        """
+        if not 0 < level < 1:
+            raise RedesignError(f"level must lie between 0 and 1, got {level}")
+        return self.impulse_response(tolerance=min(1e-3, level / 10)).preview_time(level)
+
+    def apply(
+        self, reference: PiecewiseSignal, times: ArrayLike | None = None, *, tolerance: float = 1e-8
+    ) -> PrefilteredTrajectory:
+        """The optimum for a reference that holds still outside its manoeuvre, at times (m,) [s], by default over the window.
+
+        The rate of the reference is filtered and the result integrated, with the change over all of time known from the response at
+        w = 0: a reference that ends elsewhere than it began is not wrapped around.
+
+        Raises TrajectoryError for a reference of other channels or not at rest outside its manoeuvre; RedesignError where holding
+        its first or last value costs something for ever, and where `tolerance` cannot be met.
+        """
+        model = self.response.model
+        require_reference(model, reference)
+        y_0 = model.operating_point.y0
+        held = without_rounding(np.array(held_values(reference)) - y_0, reference, y_0)
+        self._require_free_holding(held)
+        initial = (self.response(np.zeros(1)).stacked[0].real @ held[0]).astype(float)
+        start, end = reference.manoeuvre
+        reach = self._reach(tolerance)
+
+        def samples(window: FourierWindow) -> Array:
+            w = window.frequencies
+            rate = np.einsum("mij,mj->mi", self.response(w).stacked, rate_spectrum(reference, w, window.start))
+            return window.integrate(rate, initial)
+
+        window = FourierWindow.covering(start - reach, end + reach, self.bandwidth)
+        time, values, error = refine(samples, window, None if times is None else _finite("times", times), tolerance, self._groups())
+        u, x, y = np.split(values, [model.n_channels, model.n_channels + model.n_states], axis=1)
+        point = model.operating_point
+        return PrefilteredTrajectory(time, u + point.u0, x, y + point.y0, reference(time), error)
+
+    def _reach(self, tolerance: float) -> float:
+        """Distance [s] over which the slowest pole decays to less than the tolerance."""
+        if not 0 < tolerance < 1:
+            raise RedesignError(f"tolerance must lie between 0 and 1, got {tolerance}")
+        return float((np.log(1 / tolerance) + 4.0) / self.decay_rate)
+
+    def _groups(self) -> list[int]:
+        p, n = self.response.model.n_channels, self.response.model.n_states
+        return [p, n, p]
+
+    def _require_free_holding(self, held: Array) -> None:
+        Q_y = self.response.Q_y.at(0.0).real
+        G_f = self.response(np.zeros(1)).G_f[0].real
+        # The least cost per second of holding y_d = h: h'Q_y (1 - G_f(0)) h.
+        for side, h in zip(("first", "last"), held, strict=True):
+            cost, size = float(h @ Q_y @ (h - G_f @ h)), float(h @ Q_y @ h)
+            if cost > FREE_HOLDING * size:
+                raise RedesignError(
+                    f"holding the reference's {side} value for ever costs {cost:.3g} per second (G_f(0) is "
+                    f"{np.round(G_f, 6).tolist()}, not 1), so the cost over all of time diverges; let the reference start and end "
+                    "at the operating point's output, or give no weight at w = 0 to what holding needs"
+                )
+
+
+def prefilter(
+    model: Any, *, R: WeightLike, Q_x: WeightLike = 0.0, Q_y: WeightLike, stabilizing_gain: ArrayLike | None = None
+) -> Prefilter:
+    """The filter from y_d to the trajectory that minimises the integral over time of u'R u + x'Q_x x + (y - y_d)'Q_y (y - y_d).
+
+    G_u = (R + G_x*Q_x G_x + G_y*Q_y G_y)^-1 G_y*Q_y, with the plant's G_x = (jw - A)^-1 B and G_y = C G_x + D; the filter's parts
+    are G_u, G_x G_u and G_f = G_y G_u. R (p, p), Q_x (n, n), Q_y (p, p): numbers (multiples of the identity), matrices, or
+    functions of the frequency w [rad/s] with such values, Hermitian, positive semidefinite and conjugate at w and -w. Q_y = 0 gives
+    zero, R = Q_x = 0 exact inversion. The result does not depend on the gain K (p, n), u = -K x, with which the plant is factored.
+
+    Source: Devasia, "Optimal output-trajectory redesign for invertible systems", J. Guidance, Control, and Dynamics 19(5), 1996,
+    lemma.
+
+    Raises RedesignError for a plant that jumps, one that cannot be stabilized, malformed weights, and weights that leave an
+    undamped mode free; ModelError for a malformed model.
+    """
+    plant = as_switched(model)
+    if len(plant) > 1:
+        raise RedesignError(f"a prefilter needs a plant that stays the same, this one has {len(plant)} intervals; use redesign")
+    system = plant.systems[0]
+    n, p = system.n_states, system.n_channels
+    K = factoring_gain(system, stabilizing_gain)
+    scale = float(np.max(np.abs(np.linalg.eigvals(system.A - system.B @ K))))
+    probes = scale * np.array([0.0, 0.1, 1.0, 10.0])
+    response = OptimalResponse(
+        system,
+        frequency_weight("R", R, p, probes),
+        frequency_weight("Q_x", Q_x, n, probes),
+        frequency_weight("Q_y", Q_y, p, probes),
+        K,
+    )
+    decay_rate, fastest = time_scales(response, probes)
+    return Prefilter(response, decay_rate, BANDWIDTH_FACTOR * fastest)
+
+
+def _finite(name: str, values: ArrayLike) -> Array:
+    array = np.atleast_1d(np.asarray(values, dtype=float))
+    if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)):
+        raise TrajectoryError(f"{name} must be finite numbers, one or a vector of them, got shape {array.shape}")
+    return array

@@ -1,0 +1,302 @@
+"""Exosystems: autonomous linear systems whose output is the wanted trajectory, switched at known times."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.checks import real_matrix, real_numbers
+from invtrack.errors import TrajectoryError
+from invtrack.references.signal import Generator, PiecewiseSignal
+
+Array = NDArray[np.float64]
+
+Outside = Literal["zero", "held"]
+
+
+@dataclass(frozen=True, eq=False)
+class Exosystem:
+    """x_e' = A_e x_e, y_d = C_e x_e, with A_e and C_e constant between known switch times; x_e is continuous there.
+
+    A: N + 1 matrices (q, q); C: N + 1 matrices (p, q); switch_times (N,) [s], may be empty: interval k reaches from t_k to t_(k+1),
+    the first from -infinity and the last to infinity. names: of the q states. The switch times need not be those of the plant
+    (Devasia, Paden, Rossi 1996, eq. 13).
+
+    Raises TrajectoryError where the numbers do not fit, are not finite, or times do not increase.
+    """
+
+    A: tuple[Array, ...]
+    C: tuple[Array, ...]
+    switch_times: Array
+    names: tuple[str, ...]
+
+    def __init__(
+        self, A: Sequence[ArrayLike], C: Sequence[ArrayLike], switch_times: ArrayLike = (), *, names: Sequence[str] | None = None
+    ) -> None:
+        matrices_A, matrices_C = _copies("A_e", A), _copies("C_e", C)
+        times = real_numbers("switch times of the exosystem", switch_times).reshape(-1)
+        if not len(matrices_A) == len(matrices_C) == len(times) + 1:
+            raise TrajectoryError(
+                f"expected one A_e and one C_e per interval, {len(times) + 1} of each for {len(times)} switch times; got "
+                f"{len(matrices_A)} and {len(matrices_C)}"
+            )
+        if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+            raise TrajectoryError(f"switch times of the exosystem must be finite and increase, got {times.tolist()}")
+        q, p = len(matrices_A[0]), len(matrices_C[0])
+        for k, (A_e, C_e) in enumerate(zip(matrices_A, matrices_C, strict=True)):
+            if A_e.shape != (q, q) or C_e.shape != (p, q) or not (p and q):
+                raise TrajectoryError(
+                    f"interval {k} of the exosystem has A_e {A_e.shape} and C_e {C_e.shape}, expected ({q}, {q}) and ({p}, {q})"
+                )
+        given = tuple(f"x_e{i + 1}" for i in range(q)) if names is None else tuple(names)
+        if len(given) != q or len(set(given)) != q:
+            raise TrajectoryError(f"expected {q} distinct names of the exosystem's states, got {list(given)}")
+        times.setflags(write=False)
+        for name, value in (("A", matrices_A), ("C", matrices_C), ("switch_times", times), ("names", given)):
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        """Number of intervals N + 1."""
+        return len(self.A)
+
+    @property
+    def n_states(self) -> int:
+        """Number of states q."""
+        return len(self.names)
+
+    @property
+    def n_outputs(self) -> int:
+        """Number of outputs p."""
+        return len(self.C[0])
+
+    def interval(self, t: ArrayLike) -> NDArray[np.intp]:
+        """Index of the interval that holds each time; a switch time itself belongs to the interval that it starts."""
+        return np.searchsorted(self.switch_times, np.asarray(t, dtype=float), side="right")
+
+    def reference(self, x_e: ArrayLike, *, at: float | None = None) -> PiecewiseSignal:
+        """The output y_d = C_e x_e (p channels) of the trajectory that passes through x_e (q,) at time `at` [s].
+
+        `at` is the first switch time by default, 0 where nothing switches. Raises TrajectoryError for a state of another size.
+        """
+        return self._signal(x_e, at, self.C)
+
+    def states(self, x_e: ArrayLike, at: float | None, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
+        """States (m, q) at times t (m,) [s], or (q,) for a scalar, of the trajectory with x_e at `at`; see `reference`.
+
+        The states are continuous, so `inside` is of no consequence; it is there so that all signals are called alike.
+        """
+        return self._signal(x_e, at, (np.eye(self.n_states),) * len(self))(t, inside=inside)
+
+    def transition(self, start: float, end: float) -> Array:
+        """Phi (q, q) with x_e(end) = Phi x_e(start), over any number of switches and in either direction of time.
+
+        Raises TrajectoryError for times [s] that are not finite.
+        """
+        if not (np.isfinite(start) and np.isfinite(end)):
+            raise TrajectoryError(f"a transition needs finite times, got from {start} to {end} s")
+        first, last = min(start, end), max(start, end)
+        inner = self.switch_times[(self.switch_times > first) & (self.switch_times < last)]
+        edges = np.concatenate([[first], inner, [last]])
+        if end < start:
+            edges = edges[::-1]
+        Phi: Array = np.eye(self.n_states)
+        for a, b in itertools.pairwise(edges.tolist()):
+            Phi = scipy.linalg.expm(self.A[int(self.interval((a + b) / 2))] * (b - a)) @ Phi
+        return Phi
+
+    def resampled(self, switch_times: ArrayLike) -> Exosystem:
+        """The same exosystem with its matrices listed for other switch times, which must hold its own ones."""
+        times = np.asarray(switch_times, dtype=float).reshape(-1)
+        missing = np.setdiff1d(self.switch_times, times)
+        if missing.size:
+            raise TrajectoryError(f"the switch times {missing.tolist()} of the exosystem are not among the new ones")
+        owner = self.interval(np.concatenate([[-np.inf], times]))
+        return Exosystem([self.A[k] for k in owner], [self.C[k] for k in owner], times, names=self.names)
+
+    def transformed(self, T: ArrayLike, *, names: Sequence[str] | None = None) -> Exosystem:
+        """The same exosystem in the coordinates T x_e (T (q, q), nonsingular): T A_e T^-1, C_e T^-1."""
+        matrix = real_matrix("T", T)
+        q = self.n_states
+        if matrix.shape != (q, q) or np.linalg.cond(matrix) > 1 / np.finfo(float).eps:
+            raise TrajectoryError(f"T must be a nonsingular ({q}, {q}) matrix, got shape {matrix.shape}")
+        # Matrices that recur are worked out once and stay the same.
+        known = {id(A_e): np.linalg.solve(matrix.T, (matrix @ A_e).T).T for A_e in {id(A_e): A_e for A_e in self.A}.values()}
+        known |= {id(C_e): np.linalg.solve(matrix.T, C_e.T).T for C_e in {id(C_e): C_e for C_e in self.C}.values()}
+        A, C = [known[id(A_e)] for A_e in self.A], [known[id(C_e)] for C_e in self.C]
+        return Exosystem(A, C, self.switch_times, names=names)
+
+    def weighted(self, weights: ArrayLike) -> Exosystem:
+        """The same outputs from the states w x_e, weights w (q,), not negative; exact where they are powers of two.
+
+        States of weight 0, which no output may show, stand still.
+        """
+        given = real_numbers("weights", weights)
+        seen = given > 0
+        w = np.where(seen, given, 1.0)
+        # Matrices that recur are worked out once and stay the same.
+        known = {id(A_e): np.where(seen[:, None] & seen, A_e / w * w[:, None], 0.0) for A_e in self.A}
+        known |= {id(C_e): C_e / w for C_e in self.C}
+        return Exosystem(
+            [known[id(A_e)] for A_e in self.A], [known[id(C_e)] for C_e in self.C], self.switch_times, names=self.names
+        )
+
+    def shifted(self, delay: float) -> Exosystem:
+        """The same exosystem `delay` seconds later."""
+        return Exosystem(self.A, self.C, self.switch_times + delay, names=self.names)
+
+    def _signal(self, x_e: ArrayLike, at: float | None, rows: Sequence[Array]) -> PiecewiseSignal:
+        """rows[k] x_e(t) in interval k: piece by piece forward and backward from `at`."""
+        x, time = real_numbers("the exosystem's state", x_e), self._reference_time(at)
+        if x.shape != (self.n_states,) or not np.all(np.isfinite(x)):
+            raise TrajectoryError(f"expected a finite exosystem state of {self.n_states} entries {list(self.names)}, got {x_e!r}")
+        edges = self.switch_times if len(self) > 1 else np.array([time])
+        owner = np.concatenate([[0], self.interval(edges)])
+        numbers: dict[tuple[int, int], int] = {}
+        keys = [(id(self.A[k]), id(rows[k])) for k in owner]
+        kind = np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.intp)
+        first = [keys.index(key) for key in numbers]
+        generators = tuple(Generator(self.A[owner[j]], rows[owner[j]]) for j in first)
+        return PiecewiseSignal(edges, generators, kind, self._anchors(x, time, edges, generators, kind))
+
+    def _anchors(self, x: Array, at: float, edges: Array, generators: Sequence[Generator], kind: NDArray[np.intp]) -> Array:
+        """States at the start of each piece, of piece 0 at its end."""
+        states = np.empty((len(edges), len(x)))
+        after = int(np.searchsorted(edges, at))  # the first edge not before `at`
+
+        def carried(state: Array, piece: int, length: float) -> Array:
+            propagator = generators[kind[piece]].propagator(length)
+            result: Array = propagator.states(state[np.newaxis], np.array([abs(length)]))[0]
+            return result
+
+        state, time = x, at
+        for j in range(after, len(edges)):
+            state, time = carried(state, j, edges[j] - time), edges[j]
+            states[j] = state
+        state, time = x, at
+        for j in range(after - 1, -1, -1):
+            state, time = carried(state, j + 1, edges[j] - time), edges[j]
+            states[j] = state
+        return np.concatenate([states[:1], states])
+
+    def _reference_time(self, at: float | None) -> float:
+        if at is None:
+            return float(self.switch_times[0]) if len(self) > 1 else 0.0
+        if not np.isfinite(at):
+            raise TrajectoryError(f"the time at which the exosystem's state is given must be finite, got {at}")
+        return float(at)
+
+
+def exosystem(
+    A_e: ArrayLike,
+    C_e: ArrayLike,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    outside: Outside = "zero",
+    names: Sequence[str] | None = None,
+) -> Exosystem:
+    """x_e' = A_e x_e, y_d = C_e x_e between `start` and `end` [s], each None for running for ever on that side.
+
+    A_e (q, q), C_e (p, q). Outside x_e stands still (A_e = 0), and the output is zero (C_e = 0) or, with outside="held", keeps its
+    value. Raises TrajectoryError where shapes or times do not fit.
+    """
+    if outside not in ("zero", "held"):
+        raise TrajectoryError(f"outside must be 'zero' or 'held', got {outside!r}")
+    if start is not None and end is not None and not end > start:
+        raise TrajectoryError(f"end must be after start, got start {start} and end {end}")
+    A, C = real_matrix("A_e", A_e), real_matrix("C_e", C_e)
+    idle = (np.zeros_like(A), np.zeros_like(C) if outside == "zero" else C)
+    before, after = [idle] * (start is not None), [idle] * (end is not None)
+    intervals = [*before, (A, C), *after]
+    times = [time for time in (start, end) if time is not None]
+    return Exosystem([A for A, _ in intervals], [C for _, C in intervals], times, names=names)
+
+
+def _copies(name: str, matrices: Sequence[ArrayLike]) -> tuple[Array, ...]:
+    """Copies that cannot be written to; one that recurs stays one, so that what is worked out for it is worked out once."""
+    known: dict[int, Array] = {}
+    for value in matrices:
+        if id(value) not in known:
+            known[id(value)] = real_matrix(name, value)
+            known[id(value)].setflags(write=False)
+    return tuple(known[id(value)] for value in matrices)
+
+
+def sinusoidal_exosystem(
+    frequencies: ArrayLike, *, bias: bool = True, start: float | None = None, end: float | None = None, outside: Outside = "zero"
+) -> Exosystem:
+    """y_d = b + sum_i x_i, x_i' = w_i x_i^+, x_i^+' = -w_i x_i: sinusoids of any amplitude and phase, and a constant if `bias`.
+
+    frequencies: w_i > 0 [rad/s]. States: "bias" first, then for each frequency x_i, "cos w", and x_i^+, "sin w": the signal that
+    each makes of 1 at t = 0. start, end, outside: see `exosystem`. Raises TrajectoryError for frequencies that are not positive and
+    distinct.
+    """
+    omegas = np.atleast_1d(real_numbers("frequencies", frequencies))
+    if omegas.ndim != 1 or not np.all(np.isfinite(omegas) & (omegas > 0)) or len(np.unique(omegas)) != len(omegas):
+        raise TrajectoryError(f"frequencies must be positive and distinct [rad/s], got {frequencies!r}")
+    blocks = [np.zeros((1, 1))] * bias + [np.array([[0.0, omega], [-omega, 0.0]]) for omega in omegas.tolist()]
+    if not blocks:
+        raise TrajectoryError("expected at least one frequency, or a bias")
+    rows = [np.ones(1)] * bias + [np.array([1.0, 0.0])] * len(omegas)
+    names = ["bias"] * bias + [f"{kind} {omega:.12g}" for omega in omegas.tolist() for kind in ("cos", "sin")]
+    return exosystem(scipy.linalg.block_diag(*blocks), np.concatenate(rows), start=start, end=end, outside=outside, names=names)
+
+
+def polynomial_exosystem(
+    degree: int, *, start: float | None = None, end: float | None = None, outside: Outside = "zero"
+) -> Exosystem:
+    """y_d a polynomial of time of the degree stated: its states are y_d, y_d', ..., y_d^(degree).
+
+    start, end, outside: see `exosystem`. Raises TrajectoryError for a degree that is no whole number from 0 on.
+    """
+    if not (isinstance(degree, (int, float, np.number)) and degree >= 0 and float(degree).is_integer()):
+        raise TrajectoryError(f"the degree must be a whole number from 0 on, got {degree!r}")
+    names = ["value", *(f"derivative {k}" for k in range(1, int(degree) + 1))]
+    first = np.eye(1, int(degree) + 1)
+    return exosystem(np.eye(int(degree) + 1, k=1), first, start=start, end=end, outside=outside, names=names)
+
+
+def step_exosystem(*, start: float | None = None, end: float | None = None, outside: Outside = "zero") -> Exosystem:
+    """y_d constant, of any value: `polynomial_exosystem` of degree 0."""
+    return polynomial_exosystem(0, start=start, end=end, outside=outside)
+
+
+def sum_exosystems(parts: Sequence[Exosystem]) -> Exosystem:
+    """One exosystem whose states are those of all `parts` and whose output is the sum of theirs.
+
+    Names that occur twice are told apart by the number of their part ("2: bias"). Raises TrajectoryError where the numbers of
+    outputs differ, or for no parts.
+    """
+    _require_exosystems(parts)
+    if len({part.n_outputs for part in parts}) > 1:
+        raise TrajectoryError(f"cannot add exosystems with {[part.n_outputs for part in parts]} outputs")
+    return _side_by_side(parts, lambda *rows: np.hstack(rows))
+
+
+def stack_exosystems(parts: Sequence[Exosystem]) -> Exosystem:
+    """One exosystem whose states and outputs are those of all `parts`: for a plant with several outputs. See `sum_exosystems`."""
+    _require_exosystems(parts)
+    return _side_by_side(parts, scipy.linalg.block_diag)
+
+
+def _side_by_side(parts: Sequence[Exosystem], join_rows: Callable[..., Array]) -> Exosystem:
+    times = np.unique(np.concatenate([part.switch_times for part in parts]))
+    aligned = [part.resampled(times) for part in parts]
+    names = [name for part in parts for name in part.names]
+    if len(set(names)) < len(names):
+        names = [f"{i}: {name}" for i, part in enumerate(parts, start=1) for name in part.names]
+    A = [scipy.linalg.block_diag(*(part.A[k] for part in aligned)) for k in range(len(times) + 1)]
+    C = [join_rows(*(part.C[k] for part in aligned)) for k in range(len(times) + 1)]
+    return Exosystem(A, C, times, names=names)
+
+
+def _require_exosystems(parts: Sequence[Exosystem]) -> None:
+    strangers = [type(part).__name__ for part in parts if not isinstance(part, Exosystem)]
+    if not parts or strangers:
+        raise TrajectoryError(f"expected at least one exosystem and nothing else, got {strangers or 'none'}")

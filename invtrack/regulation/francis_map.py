@@ -1,0 +1,121 @@
+"""Francis regulators as maps over time: the usual practice that the exosystem map is compared with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.errors import InversionError
+from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem, as_switched
+from invtrack.plans.plan import TwoSidedGenerator, TwoSidedTrajectory
+from invtrack.references.exosystem import Exosystem
+from invtrack.regulation.admissible import admissible_states, directions_left, inadmissible_states, largest_jump, map_jumps
+from invtrack.regulation.exosystem_map import require_outputs
+from invtrack.regulation.francis import francis
+from invtrack.regulation.map_certificate import certify_map
+from invtrack.regulation.map_pieces import inner_times, map_breakpoints
+from invtrack.regulation.regulation_map import PlanPieces, RegulationMap
+from invtrack.regulation.visibility import unweighted, visibility
+
+Array = NDArray[np.float64]
+
+
+def switched_francis(model: Any, exosystem: Exosystem) -> RegulationMap:
+    """G = Pi_k, F = Gamma_k of the Francis regulator of each interval, exchanged where the plant or the exosystem switches.
+
+    Exact as long as nothing switches; x_d = G x_e jumps where something does (also where the exosystem starts and stops), which
+    the plant cannot follow, so each switch leaves a transient. Outside a finite exosystem G is zero, or the held output's
+    equilibrium. Raises what `francis` does, and TrajectoryError for a wrong number of outputs.
+    Source: Devasia, Paden, Rossi 1996, sections 1 and 3.
+    """
+    plant = as_switched(model)
+    return _map_of(plant, plant, exosystem, "switched Francis")
+
+
+def single_francis(model: Any, exosystem: Exosystem, *, interval: int = 0) -> RegulationMap:
+    """G = Pi, F = Gamma of the Francis regulator of one interval of the plant, used for all of them: jumps are not known about.
+
+    interval: whose matrices are taken; the others' equations are then missed, which the certificate shows. Raises InversionError
+    for an interval that does not exist, and what `switched_francis` does.
+    """
+    plant = as_switched(model)
+    if interval not in range(len(plant)):
+        raise InversionError(f"interval must be from 0 to {len(plant) - 1} for this plant, got {interval}")
+    frozen = SwitchedSystem([plant.systems[interval]] * len(plant), plant.switch_times)
+    return _map_of(plant, frozen, exosystem, "single Francis")
+
+
+def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem, method: str) -> RegulationMap:
+    """The map of the regulators of the plant `assumed`, judged by the plant as it is."""
+    require_outputs(plant, exosystem)
+    breakpoints = map_breakpoints(plant, exosystem)
+    middles = inner_times(breakpoints)
+    weights = visibility(exosystem, plant)
+    comparable = exosystem.weighted(weights)
+    generators: list[TwoSidedGenerator] = []
+    plans: list[TwoSidedGenerator] = []
+    found: dict[tuple[int, int, int, bool], int] = {}
+    kind = np.empty(len(middles), dtype=np.intp)
+    owners = zip(assumed.interval(middles).tolist(), exosystem.interval(middles).tolist(), strict=True)
+    for j, (k, e) in enumerate(owners):
+        key = (id(assumed.systems[k]), id(exosystem.A[e]), id(exosystem.C[e]), j == 0)
+        if key not in found:
+            found[key] = len(generators)
+            generator, plan = _generators(assumed.systems[k], comparable.A[e], comparable.C[e], weights, before=j == 0)
+            generators.append(generator)
+            plans.append(plan)
+        kind[j] = found[key]
+    trajectory = TwoSidedTrajectory(breakpoints, tuple(generators), kind, np.ones((len(kind), 1)), np.ones((len(kind), 1)))
+    weighting = np.broadcast_to(np.diag(weights), (len(kind), len(weights), len(weights)))
+    jumps = map_jumps(trajectory, exosystem, plant, weights)
+    admissible = admissible_states(jumps)
+    manoeuvre = (float(breakpoints[0]), float(breakpoints[-1]))
+    return RegulationMap(
+        method=method,
+        model=plant,
+        exosystem=exosystem,
+        trajectory=trajectory,
+        pieces=PlanPieces(tuple(plans), kind, weighting, weighting),
+        manoeuvre=manoeuvre,
+        preactuation=0.0,
+        postactuation=0.0,
+        tolerance=0.0,
+        weights=weights,
+        admissible=unweighted(admissible, weights),
+        inadmissible=inadmissible_states(plant, jumps, exosystem.names, admissible, weights),
+        directions_left=directions_left(jumps),
+        certificate=certify_map(
+            plant,
+            exosystem,
+            trajectory,
+            manoeuvre,
+            weights=weights,
+            boundary_residual=0.0,
+            continuity=largest_jump(jumps, np.eye(len(weights))),
+        ),
+        remarks=("jumps where the plant or the exosystem switches: no trajectory of the plant, but what is usually aimed at",),
+    )
+
+
+def _generators(
+    system: StateSpace, A_e: Array, C_e: Array, weights: Array, *, before: bool
+) -> tuple[TwoSidedGenerator, TwoSidedGenerator]:
+    """Those of [G; F], constant, and of [x; u; y], driven by w x_e; before the first breakpoint both run backward."""
+    n, p, q = system.n_states, system.n_channels, len(A_e)
+    rows = np.zeros((n + p, q))  # no output, no motion: also where the plant could not hold a constant one
+    if np.any(C_e):
+        regulator = francis(system, A_e, C_e)
+        rows = np.vstack([regulator.Pi, regulator.Gamma])
+    planned = np.vstack([rows, system.C @ rows[:n] + system.D @ rows[n:]])
+    return (
+        _one_sided(np.zeros((1, 1)), (rows * weights).reshape(-1, 1), before=before),
+        _one_sided(A_e, planned, before=before),
+    )
+
+
+def _one_sided(M: Array, X: Array, *, before: bool) -> TwoSidedGenerator:
+    none, no_columns = np.zeros((0, 0)), np.zeros((len(X), 0))
+    return TwoSidedGenerator(none, no_columns, M, X) if before else TwoSidedGenerator(M, X, none, no_columns)

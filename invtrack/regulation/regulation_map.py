@@ -1,0 +1,210 @@
+"""Regulation maps: from the exosystem's state to the plant's wanted state and input, over all of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.checks import real_numbers
+from invtrack.errors import InversionError, TrajectoryError
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.certificate import certify
+from invtrack.plans.ends import Departure, actuation_times
+from invtrack.plans.plan import Plan, TwoSidedGenerator, TwoSidedTrajectory
+from invtrack.references.exosystem import Exosystem
+from invtrack.references.profiles import constant
+from invtrack.references.signal import PiecewiseSignal
+from invtrack.regulation.admissible import InadmissibleState
+from invtrack.regulation.map_certificate import RegulationCertificate
+
+Array = NDArray[np.float64]
+
+ADMISSIBLE_TOLERANCE = 1e-7
+"""An exosystem state counts as admissible where its part outside the admissible subspace is below this share of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanPieces:
+    """What turns an exosystem's trajectory into a planned one: pieces driven by [v; x_e], as in Plan.
+
+    generators: two-sided generators of [x; u; y], kind (m + 2,): the one of each piece. Z_f (m + 2, ., q): v_f = Z_f x_e at the
+    start of each piece; Z_b (m + 2, ., q): v_b = Z_b x_e at its end.
+    """
+
+    generators: tuple[TwoSidedGenerator, ...]
+    kind: NDArray[np.intp]
+    Z_f: Array
+    Z_b: Array
+
+
+@dataclass(frozen=True, eq=False)
+class RegulationMap:
+    """x_d(t) = G(t) x_e(t), u_d(t) = F(t) x_e(t), for all states of an exosystem at once, on all of time.
+
+    G' = A_y G - G A_e + B G_k C_e*, F = F_k G + G_k C_e* (Devasia, Paden, Rossi 1996, eq. 17), for a map of the method "exosystem
+    map"; constant between breakpoints and discontinuous at them for the Francis regulators. x_d, u_d and y_d = C_e x_e are
+    deviations from the plant's operating point.
+
+    trajectory: G and F row by row, one above the other. manoeuvre: (T_i, T_f) [s], first and last breakpoint. preactuation,
+    postactuation: how long before T_i and after T_f [s] G and F differ from their bounded particular solutions (zero where the
+    exosystem is still) by more than `tolerance`, relative to the peak of each entry; infinite where they never come that close.
+    weights (q,): how strongly each state of the exosystem shows in y_d, zero for one that never does: w x_e has no units of its
+    own. admissible (q, d): basis of the states x_e(T_i) whose output can be followed by a continuous state of the plant, columns of
+    unit length, orthogonal as weighted states; inadmissible: which of the named states lie outside it, and why; directions_left:
+    (time [s], d) where the conditions so far leave only d directions of x_e. remarks: what a
+    user should know.
+    """
+
+    method: str
+    model: SwitchedSystem
+    exosystem: Exosystem
+    trajectory: TwoSidedTrajectory
+    pieces: PlanPieces
+    manoeuvre: tuple[float, float]
+    preactuation: float
+    postactuation: float
+    tolerance: float
+    weights: Array
+    admissible: Array
+    inadmissible: tuple[InadmissibleState, ...]
+    directions_left: tuple[tuple[float, int], ...]
+    certificate: RegulationCertificate
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def breakpoints(self) -> Array:
+        """Times [s] at which the map is not smooth: switch times of plant and exosystem."""
+        return self.trajectory.breakpoints
+
+    @property
+    def start(self) -> float:
+        """Time [s] at which the map leaves its particular solution: T_i - preactuation."""
+        return self.manoeuvre[0] - self.preactuation
+
+    @property
+    def end(self) -> float:
+        """Time [s] at which the map has come to its particular solution: T_f + postactuation."""
+        return self.manoeuvre[1] + self.postactuation
+
+    def x_map(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
+        """G (m, n, q) at times t (m,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""
+        n = self.model.systems[0].n_states
+        return self._rows(t, inside, 0, n)
+
+    def u_map(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
+        """F (m, p, q) at times t (m,) [s]; see x_map."""
+        n, p = self.model.systems[0].n_states, self.model.systems[0].n_channels
+        return self._rows(t, inside, n, n + p)
+
+    def _rows(self, t: ArrayLike, inside: ArrayLike | None, first: int, last: int) -> Array:
+        q = self.exosystem.n_states
+        times = np.atleast_1d(real_numbers("times [s]", t))
+        if times.ndim != 1 or not np.all(np.isfinite(times)):
+            raise TrajectoryError(f"expected finite times (m,) [s], got {t!r}")
+        within = times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape)
+        values = self.trajectory(times, self.trajectory.locate(within), slice(first * q, last * q))
+        return values.reshape(len(times), last - first, q)
+
+    def inadmissible_share(self, x_e: ArrayLike, *, at: float | None = None) -> float:
+        """Share of x_e (q,), given at time `at` [s] (default T_i), that lies outside the admissible states, both weighted."""
+        x_0, basis = self._at_start(x_e, at), self._sizes[:, None] * self.admissible
+        basis = basis / np.linalg.norm(basis, axis=0)
+        size = float(np.linalg.norm(x_0))
+        return float(np.linalg.norm(x_0 - basis @ (basis.T @ x_0))) / size if size > 0 else 0.0
+
+    def plan(self, x_e: ArrayLike, *, at: float | None = None) -> Plan:
+        """The plan x_d = G x_e, u_d = F x_e for the exosystem trajectory through x_e (q,) at time `at` [s].
+
+        `at` is T_i of this map by default, the time for which `admissible` holds.
+        Of the Francis regulators, which jump, any state is taken; their plan is no trajectory of the plant, as its certificate
+        says. Raises InversionError, with the reason, for a state that is not admissible; TrajectoryError for one of another size.
+        """
+        share = self.inadmissible_share(x_e, at=at)
+        if share > ADMISSIBLE_TOLERANCE and self.method == "exosystem map":
+            raise InversionError(
+                f"the exosystem state {np.asarray(x_e).tolist()} is not admissible ({share:.1e} of it): no continuous state of the "
+                f"plant gives its output. {self.describe_inadmissible()}; use a combination of the {self.admissible.shape[1]} "
+                "columns of `admissible`"
+            )
+        # At T_i, a breakpoint of the plan: its reference is to have no breakpoint that it does not know.
+        x_0, T_i = self._at_start(x_e, at), self.manoeuvre[0]
+        point = self.model.systems[0].operating_point
+        deviation = self._comparable.reference(x_0, at=T_i).refined(self.breakpoints)
+        trajectory = self._plan(self._comparable.states(x_0, T_i, self.breakpoints) / self._sizes)
+        preactuation, postactuation = actuation_times(trajectory, self._departures(trajectory), self.tolerance, None)[:2]
+        span = (self.manoeuvre[0] - preactuation, self.manoeuvre[1] + postactuation)
+        # An exosystem that grows without end leaves the range of numbers where the certificate looks for rest: there is none.
+        with np.errstate(over="ignore", invalid="ignore"):
+            certificate = certify(self.model, trajectory, deviation, span)
+        if np.isnan(certificate.rest_residual):
+            certificate = replace(certificate, rest_residual=np.inf)
+        return Plan(
+            method=self.method,
+            model=self.model,
+            reference=_absolute(deviation, point.y0),
+            trajectory=trajectory,
+            manoeuvre=self.manoeuvre,
+            preactuation=preactuation,
+            postactuation=postactuation,
+            tolerance=self.tolerance,
+            certificate=certificate,
+            remarks=self.remarks,
+        )
+
+    def describe_inadmissible(self) -> str:
+        """The inadmissible named states and the reason of each, and where combinations of them are lost, as one sentence."""
+        if not self.inadmissible:
+            return "every state is admissible"
+        q = self.exosystem.n_states
+        lost = ", those ".join(f"at t = {time:.6g} s leave {d or 'none'}" for time, d in self.directions_left)
+        return f"{'; '.join(map(str, self.inadmissible))}; of {q} directions of the exosystem's state the conditions {lost}"
+
+    @cached_property
+    def _sizes(self) -> Array:
+        """What the exosystem's states are multiplied with to be comparable (q,): their weights, 1 for one that never shows."""
+        return np.where(self.weights > 0, self.weights, 1.0)
+
+    @cached_property
+    def _comparable(self) -> Exosystem:
+        """The exosystem of the weighted states."""
+        return self.exosystem.weighted(self.weights)
+
+    def _at_start(self, x_e: ArrayLike, at: float | None) -> Array:
+        """The weighted state (q,) at T_i."""
+        x = real_numbers("the exosystem's state", x_e)
+        if x.shape != (self.exosystem.n_states,):
+            names = list(self.exosystem.names)
+            raise TrajectoryError(f"expected an exosystem state of {len(names)} entries {names}, got shape {x.shape}")
+        x = self._sizes * x
+        return x if at is None else self._comparable.transition(at, self.manoeuvre[0]) @ x
+
+    def _plan(self, x_e: Array) -> TwoSidedTrajectory:
+        """The two-sided plan for exosystem states x_e (m + 1, q) at the breakpoints."""
+        starts, ends = np.concatenate([x_e[:1], x_e]), np.concatenate([x_e, x_e[-1:]])
+        v_f, v_b = np.einsum("kij,kj->ki", self.pieces.Z_f, starts), np.einsum("kij,kj->ki", self.pieces.Z_b, ends)
+        return TwoSidedTrajectory(self.breakpoints, self.pieces.generators, self.pieces.kind, v_f, v_b)
+
+    def _departures(self, trajectory: TwoSidedTrajectory) -> tuple[Departure, Departure]:
+        """What dies out before T_i and after T_f: distances from the bounded particular solutions."""
+        q, first, last = self.exosystem.n_states, self._end_states(0), self._end_states(-1)
+        before, after = (trajectory.generators[trajectory.kind[end]] for end in (0, -1))
+        n_u, n_s = len(before.M_b) - q, len(after.M_f) - q
+        u, s = first @ trajectory.v_b[0, n_u : n_u + q], last @ trajectory.v_f[-1, n_s : n_s + q]
+        return (
+            Departure(-before.M_b[: len(u), : len(u)], before.X_b[:, : len(u)], u),
+            Departure(after.M_f[: len(s), : len(s)], after.X_f[:, : len(s)], s),
+        )
+
+    def _end_states(self, end: int) -> Array:
+        """Z of the first or the last piece, its distance from the particular solution; no rows where there is none."""
+        generator, q = self.trajectory.generators[self.trajectory.kind[end]], self.exosystem.n_states
+        v, M = (self.trajectory.v_f[-1], generator.M_f) if end else (self.trajectory.v_b[0], generator.M_b)
+        Z: Array = v[: len(M) - 1].reshape(-1, q)  # behind its entries stands a constant
+        return Z
+
+
+def _absolute(deviation: PiecewiseSignal, y_0: Array) -> PiecewiseSignal:
+    return deviation + constant(y_0, at=deviation.manoeuvre[0]) if np.any(y_0) else deviation

@@ -1,0 +1,152 @@
+"""What one simulated run leaves behind, as plain arrays with names and units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.errors import InvtrackError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """Named channels over a run: values (samples, channels), one name and one unit ("m", "rad", "N", "1", ...) per channel."""
+
+    values: Array
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        channels = (len(self.names), len(self.units))
+        if self.values.ndim != 2 or channels != (self.values.shape[1],) * 2:
+            raise InvtrackError(f"signal of shape {self.values.shape} has {channels[0]} names and {channels[1]} units")
+
+    @classmethod
+    def without_channels(cls) -> Signal:
+        """The signal of something that a run does not have."""
+        return cls(np.zeros((0, 0)), (), ())
+
+    def __getitem__(self, name: str) -> Array:
+        """The samples of one channel, by name."""
+        if name not in self.names:
+            raise KeyError(f"no channel named {name!r}; there are: {', '.join(self.names)}")
+        return self.values[:, self.names.index(name)]
+
+    def equals(self, other: Signal) -> bool:
+        """Bit-for-bit equality of values (NaNs alike), names and units."""
+        same_labels = self.names == other.names and self.units == other.units
+        return same_labels and np.array_equal(self.values, other.values, equal_nan=True)
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that happened at a known time [s]: a parameter change, the start or end of the manoeuvre, the end of a run."""
+
+    time: float
+    kind: Literal["parameter", "manoeuvre", "end"]
+    text: str
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RunResult:
+    """One closed-loop run on the grid of N steps between N + 1 times.
+
+    States, outputs and references stand at the N + 1 times; inputs and parameters hold over the N steps that follow them. At a
+    breakpoint the sample belongs to both sides: states and outputs are continuous there.
+
+    name: case name. model: name of the plant's model. time: (N + 1,) [s], 0 where the manoeuvre starts.
+    state: deviations from the operating point. state_reference: the state that the controller wants (NaN where it wants none).
+    output, reference: measured and wanted output. planned_output: what the controller plans to deliver (equal to the reference for
+    exact inversion; not for redesign). commanded, applied: the controller's input and what is left of it after the actuator's
+    limits; with evaluate="stages" the value at mid-step. measured, estimate: what the sensors showed at the latest update and the
+    state estimated from it; without channels for controllers that know the state. parameters: the named physical parameters in
+    force. parameter_bodies: for parameters that belong to one body, its name. qpos: (N + 1, nq) generalized positions; empty for
+    plants without geometry. manoeuvre: (T_i, T_f) [s]. vibration_period: period [s] of the slowest flexible mode of the plant as
+    it is at the end, NaN where it has none. timestep: the largest step asked for [s]; evaluate: "held" or "stages". status:
+    "completed" or "diverged", with the reason in `message`. mjb: the compiled MuJoCo model (binary), for the 3-D scene.
+    """
+
+    name: str
+    model: str
+    time: Array
+    state: Signal
+    state_reference: Signal
+    output: Signal
+    reference: Signal
+    planned_output: Signal
+    commanded: Signal
+    applied: Signal
+    parameters: Signal
+    manoeuvre: tuple[float, float]
+    timestep: float
+    evaluate: str
+    integrator: str
+    vibration_period: float
+    measured: Signal = field(default_factory=Signal.without_channels)
+    estimate: Signal = field(default_factory=Signal.without_channels)
+    events: Sequence[Event] = ()
+    parameter_bodies: Mapping[str, str] = field(default_factory=dict)
+    qpos: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    status: Literal["completed", "diverged"] = "completed"
+    message: str = ""
+    mjb: bytes = b""
+
+    def __repr__(self) -> str:
+        """What it is, without its arrays."""
+        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s in {len(self.time) - 1} steps" if len(self.time) else "no samples"
+        return f"<RunResult {self.name!r} of {self.model!r}: {self.status}, {span}, outputs {list(self.output.names)}>"
+
+    @property
+    def error(self) -> Array:
+        """Tracking error y - y_d at the N + 1 times, (N + 1, p)."""
+        return self.output.values - self.reference.values
+
+    def thinned(self, every: int) -> RunResult:
+        """The run with every `every`-th sample, for recordings that a viewer opens at once.
+
+        Kept besides: the samples at which a parameter changes or an event happens, with the ones before them, and the last one. An
+        input is then the one of the first of the steps that a sample stands for, so a thinned run cannot be replayed.
+
+        Raises InvtrackError unless `every` is at least 1.
+        """
+        if every < 1:
+            raise InvtrackError(f"expected to keep every 1st, 2nd, ... sample, got every {every}")
+        changes = np.flatnonzero(np.any(np.diff(self.parameters.values, axis=0) != 0, axis=1)) + 1
+        events = np.searchsorted(self.time, [event.time for event in self.events])
+        marked = np.concatenate([changes, events, [len(self.time) - 1]])
+        kept = np.unique(np.concatenate([np.arange(0, len(self.time), every), marked, np.maximum(marked - 1, 0)]))
+        steps = kept[:-1]
+
+        def part(signal: Signal) -> Signal:
+            if len(signal.values) == 0:
+                return signal
+            rows = kept if len(signal.values) == len(self.time) else steps
+            return Signal(signal.values[rows], signal.names, signal.units)
+
+        fields: dict[str, Any] = {name: part(value) for name, value in vars(self).items() if isinstance(value, Signal)}
+        qpos = self.qpos[kept] if len(self.qpos) else self.qpos
+        return replace(self, time=self.time[kept], qpos=qpos, **fields)
+
+    def equals(self, other: RunResult) -> bool:
+        """Bit-for-bit equality of everything the run holds."""
+        for name in self.__dataclass_fields__:
+            mine, theirs = getattr(self, name), getattr(other, name)
+            if isinstance(mine, Signal):
+                same = mine.equals(theirs)
+            elif isinstance(mine, np.ndarray):
+                same = np.array_equal(mine, theirs, equal_nan=True)
+            elif isinstance(mine, float):
+                same = mine == theirs or (np.isnan(mine) and np.isnan(theirs))
+            elif name == "events":
+                same = tuple(mine) == tuple(theirs)
+            else:
+                same = mine == theirs
+            if not same:
+                return False
+        return True

@@ -1,0 +1,134 @@
+"""What can be said of a run before it starts: whether its parts fit each other, and what will surprise whoever started it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from invtrack.control.protocol import Controller, Instants
+from invtrack.control.tracking_controller import PlanFollower
+from invtrack.errors import SimulationError
+from invtrack.plant.change import Change
+from invtrack.simulation.simulated_plant import SimulatedPlant
+
+Array = NDArray[np.float64]
+
+STACK = 3
+"""Warnings point at the line that called `simulate`."""
+
+FAR_FROM_REST = 0.05
+"""A run starts elsewhere than its plan where a state of the plan is then beyond this share of its peak."""
+
+PLAN_SAMPLES = 2001
+
+
+def require_fit(plant: SimulatedPlant, controller: Controller, evaluate: str, changes: Iterable[Change]) -> None:
+    """Raises SimulationError where plant, controller, schedule and evaluation do not fit each other."""
+    if not hasattr(controller, "begin"):
+        raise SimulationError(
+            f"expected a controller, got {type(controller).__name__}; make one of a plan: invtrack.TrackingController(plan, gains)"
+        )
+    first = controller.plan.model.systems[0]
+    pairs = [(kind, getattr(first, kind), getattr(plant, kind)) for kind in ("state_names", "input_names", "output_names")]
+    if controller.measures == "sensors":
+        pairs.append(("measurement_names", first.measurement.names, plant.measurement_names))
+    for kind, planned, real in pairs:
+        if planned != real:
+            raise SimulationError(
+                f"the plan's {kind.replace('_', ' ')} are {list(planned)}, the plant's are {list(real)}; plan for "
+                "invtrack.linearize(plant)"
+            )
+    if not first.operating_point.agrees_with(plant.operating_point):
+        raise SimulationError("the plan was made about another operating point than the plant's; linearize this plant")
+    for change in changes:
+        unknown = [name for name in change.parameters if name not in plant.parameter_units]
+        if unknown:
+            known = ", ".join(plant.parameter_units) or "none (a linear model switches by its own switch times)"
+            raise SimulationError(f"{change} names unknown parameters {unknown}; the plant's are: {known}")
+    if evaluate not in ("held", "stages"):
+        raise SimulationError(f'evaluate must be "held" or "stages", got {evaluate!r}')
+    if evaluate == "stages" and not (controller.stateless and controller.period is None):
+        raise SimulationError(
+            'evaluate="stages" evaluates the law several times per step, so it needs a controller without a state and without a '
+            "period"
+        )
+
+
+def warn_of_limits(plant: SimulatedPlant, controller: Controller) -> None:
+    """Say before anything is simulated where the plan exceeds the actuators."""
+    lowest, highest = controller.plan.input_range
+    for i, name in enumerate(plant.input_names):
+        low, high = plant.input_limits[i]
+        if lowest[i] < low or highest[i] > high:
+            warnings.warn(
+                f"the plan needs {name} from {lowest[i]:.4g} to {highest[i]:.4g} {plant.input_units[i]}, its actuator passes on "
+                f"{low:.4g} to {high:.4g}: expect saturation",
+                RuntimeWarning,
+                stacklevel=STACK,
+            )
+
+
+def warn_of_unused_sensors(controller: Controller, sensors: Mapping[str, object]) -> None:
+    """Say that noise and delays of sensors do not reach a controller that knows the state."""
+    if sensors and controller.measures == "state":
+        warnings.warn(
+            f"sensors are given for {', '.join(sensors)}, but {type(controller).__name__} knows the state and looks at none; "
+            "use invtrack.OutputFeedbackController to see their effect",
+            RuntimeWarning,
+            stacklevel=STACK,
+        )
+
+
+def warn_of_start(plant: SimulatedPlant, controller: Controller) -> None:
+    """Say that the plant, which starts at its operating point, is not where the plan begins."""
+    plan = controller.plan
+    first, whole = plan(plan.start), plan(np.linspace(plan.start, plan.end, PLAN_SAMPLES))
+    if not np.any(_far(first.x[0], whole.x)):
+        return
+    y_0 = plan.model.systems[0].operating_point.y0
+    if np.any(_far(first.y[0] - y_0, whole.y - y_0)):
+        wanted = ", ".join(
+            f"{name} at {begins:.4g} instead of {at:.4g}"
+            for name, begins, at in zip(plant.output_names, first.y[0], y_0, strict=True)
+        )
+        reason = f"{wanted}. References are absolute; let yours begin at the operating point"
+    else:
+        reason = "its preactuation was cut short. Allow more of it"
+    warnings.warn(
+        f"the plan does not begin where the plant is, at rest at its operating point: {reason}, or start the plant elsewhere with "
+        "initial_state",
+        RuntimeWarning,
+        stacklevel=STACK,
+    )
+
+
+def _far(first: Array, whole: Array) -> NDArray[np.bool_]:
+    """Which channels (n,) begin far from rest, for values (m, n) over the whole plan."""
+    return np.asarray(np.abs(first) > FAR_FROM_REST * np.max(np.abs(whole), axis=0))
+
+
+def warn_of_unstable_holds(controller: Controller, instants: Instants) -> None:
+    """Say that a feedback which stabilizes the plan's model does not do so when its input is held between updates."""
+    if not isinstance(controller, PlanFollower):
+        return
+    model, gains = controller.plan.model, controller.gains
+    pairs = zip(model.interval(instants.inside), gains.interval(instants.inside), np.round(instants.hold, 9), strict=True)
+    for k, g, hold in sorted({(int(k), int(g), float(hold)) for k, g, hold in pairs if hold > 0}, key=lambda pair: -pair[2]):
+        A, B, K = model.systems[k].A, model.systems[k].B, gains.gains[g]
+        n, p = B.shape
+        step = scipy.linalg.expm(np.block([[A, B], [np.zeros((p, n + p))]]) * hold)[:n]
+        radius = float(np.max(np.abs(np.linalg.eigvals(step[:, :n] - step[:, n:] @ K))))
+        poles = np.linalg.eigvals(A - B @ K)
+        if radius > 1 + 1e-9 and np.max(poles.real) < 0:
+            warnings.warn(
+                f"the feedback is unstable when its input is held for {hold:.4g} s: errors grow {radius:.4g} times from update to "
+                f"update (its fastest pole is at {np.max(np.abs(poles)):.4g} rad/s); take a smaller timestep or period, or lower "
+                "gains",
+                RuntimeWarning,
+                stacklevel=STACK,
+            )
+            return

@@ -1,0 +1,98 @@
+"""Solutions of v' = M v at many times."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from invtrack.linear.propagation import flow
+from tests.linear.random_plants import rotation
+
+EPS = np.finfo(float).eps
+
+
+@settings(deadline=None, max_examples=40, derandomize=True)
+@given(st.integers(1, 8), st.integers(0, 10**6))
+def test_against_one_matrix_exponential_per_time(q: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    M, v = rng.normal(size=(q, q)), rng.normal(size=(30, q))
+    tau = np.concatenate([[0.0], 10.0 ** rng.uniform(-8, 0.7, size=29)])
+    expected = np.array([scipy.linalg.expm(M * t) @ w for t, w in zip(tau, v, strict=True)])
+    assert flow(M, v, tau) == pytest.approx(expected, rel=1e-11, abs=1e-11 * np.max(np.abs(expected)))
+
+
+def test_no_time_changes_nothing() -> None:
+    v = np.random.default_rng(0).normal(size=(5, 3))
+    assert np.array_equal(flow(np.diag([1.0, -2.0, 3.0]), v, np.zeros(5)), v)
+    assert np.array_equal(flow(np.zeros((3, 3)), v, np.arange(5.0)), v)
+    assert flow(np.zeros((0, 0)), np.zeros((5, 0)), np.arange(5.0)).shape == (5, 0)
+
+
+@pytest.mark.parametrize("rates", [(-1e6, -1e-3), (-50.0, -3.0, 0.0), (-1e3, -1e-3, -1.0)])
+def test_stiff_and_long_decays_against_closed_form(rates: tuple[float, ...]) -> None:
+    """Symmetric M with known eigenvalues: exact but for what rounding of M itself means, eps |M| tau."""
+    rng = np.random.default_rng(11)
+    U, n = rotation(rng, len(rates)), len(rates)
+    M = U @ np.diag(rates) @ U.T
+    tau = np.concatenate([[0.0], 10.0 ** np.linspace(-7, 4, 45)])
+    v = rng.normal(size=(len(tau), n))
+    expected = (v @ U * np.exp(np.outer(tau, rates))) @ U.T
+    error = np.max(np.abs(flow(M, v, tau) - expected), axis=1)
+    assert np.all(error <= 20 * EPS * (1 + max(abs(np.array(rates))) * tau))
+
+
+def test_rotation_keeps_its_length_over_many_turns() -> None:
+    tau = np.linspace(0.0, 1e4, 1001)
+    found = flow(np.array([[0.0, 1.0], [-1.0, 0.0]]), np.tile([1.0, 0.0], (len(tau), 1)), tau)
+    assert found == pytest.approx(np.column_stack([np.cos(tau), -np.sin(tau)]), abs=1e-10)
+
+
+def test_polynomials_are_exact() -> None:
+    """Nilpotent M: v' = v2, v2' = v3, v3' = 0."""
+    tau = np.array([0.0, 1e-3, 1.0, 1e3, 1e6])
+    found = flow(np.diag([1.0, 1.0], k=1), np.tile([1.0, -2.0, 3.0], (5, 1)), tau)[:, 0]
+    assert found == pytest.approx(1 - 2 * tau + 1.5 * tau**2, rel=1e-12)
+
+
+def test_growth_up_to_the_largest_number_does_not_overflow_on_the_way() -> None:
+    assert flow(np.array([[1.0]]), np.array([[1.0]]), np.array([700.0]))[0, 0] == pytest.approx(np.exp(700.0), rel=1e-12)
+
+
+def test_decay_ends_at_zero_whatever_the_time() -> None:
+    M = np.array([[-50.0, 1e3], [0.0, -20.0]])
+    assert flow(M, np.ones((2, 2)), np.array([1e4, 1e12])) == pytest.approx(np.zeros((2, 2)), abs=1e-300)
+
+
+def test_the_callers_vectors_are_left_alone() -> None:
+    v = np.ones((3, 2))
+    flow(np.array([[0.0, 1.0], [-1.0, 0.0]]), v, np.array([1.0, 2.0, 3.0]))
+    assert np.array_equal(v, np.ones((3, 2)))
+
+
+def test_parts_that_do_not_act_on_each_other() -> None:
+    """A triangular matrix has no best scale: what couples its parts can be made as small as one likes."""
+    rng = np.random.default_rng(2)
+    for _ in range(50):
+        A, S = rng.normal(size=(3, 3)) - 3 * np.eye(3), np.diag(10.0 ** rng.uniform(-2, 2, 7), k=1)
+        M = np.block([[A, rng.normal(size=(3, 8))], [np.zeros((8, 3)), S]])
+        v, tau = rng.normal(size=(1, 11)), np.array([0.7])
+        expected = scipy.linalg.expm(M * 0.7) @ v[0]
+        assert flow(M, v, tau)[0] == pytest.approx(expected, rel=1e-10, abs=1e-12 * np.max(np.abs(expected)))
+
+
+def test_a_slow_mode_driven_by_a_polynomial() -> None:
+    """z' = -0.004 z + p' with p = (t/2)^7: all derivatives reach z, the last through eight entries."""
+    S = np.diag(np.arange(1.0, 8.0), k=1) / 2
+    M = np.zeros((9, 9))
+    M[0, 0], M[0, 2], M[1:, 1:] = -0.004, 0.5, S
+    v = np.eye(9)[8:]
+    tau = np.array([0.3, 1.0, 2.0, 5.0])
+    nodes, weights = np.polynomial.legendre.leggauss(20)
+    s = tau[:, None] / 2 * (nodes + 1)
+    z = np.sum(weights * tau[:, None] / 2 * np.exp(-0.004 * (tau[:, None] - s)) * 7 / 2 * (s / 2) ** 6, axis=1)
+    found = flow(M, np.repeat(v, 4, axis=0), tau)
+    assert found[:, 1] == pytest.approx((tau / 2) ** 7, rel=1e-12)
+    assert found[:, 0] == pytest.approx(z, rel=1e-12)
