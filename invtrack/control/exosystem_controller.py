@@ -140,7 +140,7 @@ class ExosystemController(PlanFollower):
         x_ref = _applied(regulation.x_map, instants.time, instants.inside, states)
         within = states_within_holds(regulation.exosystem, instants, states)
         feedforward = instants.mean_over_hold(lambda times, inside: _applied(regulation.u_map, times, inside, within))
-        u_0 = model.systems[0].operating_point.u0
+        u_0 = model.operating_point.u0
         if self._state_observer is None:
             return AffineLaw.around(feedforward + u_0, x_ref, self.gains, instants.inside)
         designs = design_holds(model, self.gains, self._state_observer, instants)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,7 +53,7 @@ def lqr(model: Any, *, Q: ArrayLike, R: ArrayLike) -> GainSchedule:
     Raises ControlError for weights of the wrong shape or sign, and for a plant that cannot be stabilized.
     """
     plant = as_switched(model)
-    n, p = plant.systems[0].n_states, plant.systems[0].n_channels
+    n, p = plant.n_states, plant.n_channels
     state_weight, input_weight = _weight("Q", Q, n, strict=False), _weight("R", R, p, strict=True)
 
     def gain(system: StateSpace) -> Array:
@@ -78,7 +78,7 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
     Raises ControlError for a wrong number of poles, poles right of the axis, or a plant whose modes cannot all be moved.
     """
     plant = as_switched(model)
-    n = plant.systems[0].n_states
+    n = plant.n_states
     wanted = np.array(poles, dtype=complex)
     if wanted.shape != (n,) or np.any(wanted.real >= 0):
         raise ControlError(f"expected {n} poles left of the imaginary axis, got {wanted.tolist()}")
@@ -100,15 +100,15 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
     return _per_interval(plant, gain)
 
 
-def _per_interval(plant: SwitchedSystem, design: Any) -> GainSchedule:
-    known: dict[int, Array] = {}
-    for system in plant.systems:
-        if id(system) not in known:
-            known[id(system)] = design(system)
-            poles = np.linalg.eigvals(system.A - system.B @ known[id(system)])
-            if np.any(poles.real >= 0):
-                raise ControlError(f"the gain does not stabilize the plant: closed-loop poles {np.round(poles, 6).tolist()}")
-    return GainSchedule(tuple(known[id(system)] for system in plant.systems), plant.switch_times)
+def _per_interval(plant: SwitchedSystem, design: Callable[[StateSpace], Array]) -> GainSchedule:
+    def stabilizing(system: StateSpace) -> Array:
+        K = design(system)
+        poles = np.linalg.eigvals(system.A - system.B @ K)
+        if np.any(poles.real >= 0):
+            raise ControlError(f"the gain does not stabilize the plant: closed-loop poles {np.round(poles, 6).tolist()}")
+        return K
+
+    return GainSchedule(plant.map(stabilizing), plant.switch_times)
 
 
 def _weight(name: str, value: ArrayLike, size: int, *, strict: bool) -> Array:

@@ -54,7 +54,7 @@ def design_holds(model: SwitchedSystem, gains: GainSchedule, observer: Observer,
 
 def _transition(model: SwitchedSystem, segments: Segments) -> tuple[Array, Array]:
     """A_d (n, n) and B_d (n, p) of a held input over segments of a switched plant."""
-    n, p = model.systems[0].n_states, model.systems[0].n_channels
+    n, p = model.n_states, model.n_channels
     A_d, B_d = np.eye(n), np.zeros((n, p))
     for k, length in segments:
         system = model.systems[k]
@@ -168,5 +168,5 @@ class OutputFeedbackController(PlanFollower):
         seen = self.plan.states(instants.time - self._delay, inside=instants.inside if self._delay <= 0 else None)
         designs = design_holds(model, self.gains, self._observer, instants)
         feedforward = self.mean_feedforward(instants)
-        drift = drift_of(x_ref, feedforward - model.systems[0].operating_point.u0, designs)
+        drift = drift_of(x_ref, feedforward - model.operating_point.u0, designs)
         return OutputFeedbackLaw(feedforward, x_ref, measured_in(model, instants, seen), designs, drift)

@@ -35,7 +35,7 @@ def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float =
     """
     require_options(tolerance, None)
     plant = as_switched(model)
-    require_reference(plant.systems[0], reference)
+    require_reference(plant, reference)
     deviation = deviation_reference(plant, reference)
     splits = undivided_dynamics(plant)
     for k, split in enumerate(splits):

@@ -38,7 +38,7 @@ def invert(
     """
     require_options(tolerance, max_preactuation)
     plant = as_switched(model)
-    require_reference(plant.systems[0], reference)
+    require_reference(plant, reference)
     deviation = deviation_reference(plant, reference)
     splits = split_each(plant)
     require_smooth(plant, splits, reference)

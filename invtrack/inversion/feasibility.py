@@ -53,7 +53,7 @@ def feasibility(model: Any, reference: PiecewiseSignal) -> FeasibilityReport:
     what makes the problem unsolvable is reported. Source: Devasia, Paden, Rossi 1996, section 2.
     """
     plant = as_switched(model)
-    require_reference(plant.systems[0], reference)
+    require_reference(plant, reference)
     edges = [-np.inf, *plant.switch_times.tolist(), np.inf]
     ends = {id(plant.systems[0]), id(plant.systems[-1])}
     known = {id(system): _examine(system, endless=id(system) in ends) for system in plant.systems}

@@ -30,7 +30,7 @@ def steady_state_feedforward(model: Any, reference: PiecewiseSignal) -> Plan:
     Raises InversionError where some output cannot be held (a zero at s = 0), TrajectoryError for a wrong number of channels.
     """
     plant = as_switched(model)
-    require_reference(plant.systems[0], reference)
+    require_reference(plant, reference)
     deviation = deviation_reference(plant, reference)
     edges = deviation.breakpoints
     owner = plant.interval(deviation.inner_times())

@@ -41,8 +41,7 @@ def unit_ratios(plant: SwitchedSystem) -> Array:
     They act through the plant, and through an inverse, which makes the input from the outputs: a base that can stand anywhere
     acts on nothing else in the plant, but where the tip is to stand says where it has to.
     """
-    systems = list({id(system): system for system in plant.systems}.values())
-    A, B, C = (np.max([np.abs(getattr(system, name)) for system in systems], axis=0) for name in "ABC")
+    A, B, C = (np.max([np.abs(getattr(system, name)) for system in plant.distinct], axis=0) for name in "ABC")
     n, p = B.shape
     loop = np.block([[A, B, np.zeros((n, p))], [np.zeros((p, n + p)), np.ones((p, p))], [C, np.zeros((p, 2 * p))]])
     _, part = scipy.sparse.csgraph.connected_components(loop, directed=True, connection="strong")

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import ModelError
-from invtrack.linear.state_space import StateSpace, as_state_space
+from invtrack.linear.state_space import OperatingPoint, StateSpace, as_state_space
+
+T = TypeVar("T")
 
 OSCILLATION_TOLERANCE = 1e-6
 """An eigenvalue counts as an oscillation where its imaginary part exceeds this share of the fastest eigenvalue: a rigid-body mode's
@@ -22,6 +24,7 @@ class SwitchedSystem:
     """A, B, C, D constant between known switch times t_1 < ... < t_N [s]; the state is continuous at a switch.
 
     systems: N + 1 models of the same states, inputs and outputs about the same operating point; switch_times: (N,), may be empty.
+    distinct: the models without repetition; numbers (N + 1,): which of them each interval has.
     Interval k reaches from t_k to t_(k+1), the first from -infinity and the last to infinity (Devasia, Paden, Rossi 1996, eq. 1).
 
     Raises ModelError where the numbers do not fit, times do not increase, or operating points differ (an equilibrium that moves
@@ -30,6 +33,8 @@ class SwitchedSystem:
 
     systems: tuple[StateSpace, ...]
     switch_times: NDArray[np.float64]
+    distinct: tuple[StateSpace, ...] = field(init=False)
+    numbers: NDArray[np.intp] = field(init=False)
 
     def __init__(self, systems: Sequence[Any], switch_times: ArrayLike = ()) -> None:
         models = tuple(as_state_space(system) for system in systems)
@@ -43,10 +48,49 @@ class SwitchedSystem:
         times.setflags(write=False)
         object.__setattr__(self, "systems", models)
         object.__setattr__(self, "switch_times", times)
+        distinct = {id(model): model for model in models}
+        place = {key: number for number, key in enumerate(distinct)}
+        object.__setattr__(self, "distinct", tuple(distinct.values()))
+        object.__setattr__(self, "numbers", np.array([place[id(model)] for model in models], dtype=np.intp))
 
     def __len__(self) -> int:
         """Number of intervals N + 1."""
         return len(self.systems)
+
+    def map(self, function: Callable[[StateSpace], T]) -> tuple[T, ...]:
+        """function(system) of each interval, worked out once for each distinct model: intervals that share one share the result."""
+        results = [function(model) for model in self.distinct]
+        return tuple(results[number] for number in self.numbers)
+
+    @property
+    def n_states(self) -> int:
+        """Number of states n."""
+        return self.systems[0].n_states
+
+    @property
+    def n_channels(self) -> int:
+        """Number of inputs, and of outputs, p."""
+        return self.systems[0].n_channels
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the states, the same in every interval."""
+        return self.systems[0].state_names
+
+    @property
+    def input_names(self) -> tuple[str, ...]:
+        """Names of the inputs, the same in every interval."""
+        return self.systems[0].input_names
+
+    @property
+    def output_names(self) -> tuple[str, ...]:
+        """Names of the outputs, the same in every interval."""
+        return self.systems[0].output_names
+
+    @property
+    def operating_point(self) -> OperatingPoint:
+        """The point about which all intervals hold."""
+        return self.systems[0].operating_point
 
     def interval(self, t: ArrayLike) -> NDArray[np.intp]:
         """Index of the interval that holds each time; a switch time itself belongs to the interval that it starts."""

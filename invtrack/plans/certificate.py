@@ -33,7 +33,7 @@ def certify(
         span = (span[0] - 1.0, span[1] + 1.0)
     starts, ends, piece = _panels(trajectory, model.switch_times, span)
     nodes, weights = np.polynomial.legendre.leggauss(10)
-    n, p = model.systems[0].n_states, model.systems[0].n_channels
+    n, p = model.n_states, model.n_channels
     times = (starts[:, None] + ends[:, None]) / 2 + (ends - starts)[:, None] / 2 * nodes
     inner = trajectory(times.ravel(), np.repeat(piece, len(nodes))).reshape(len(piece), len(nodes), -1)
     x_start, x_end = trajectory(starts, piece)[:, :n], trajectory(ends, piece)[:, :n]

@@ -132,9 +132,7 @@ class Plan:
     def __repr__(self) -> str:
         """What it is, without its arrays."""
         (low, high), (T_i, T_f) = self.input_range, self.manoeuvre
-        inputs = ", ".join(
-            f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip(self.model.systems[0].input_names, low, high, strict=True)
-        )
+        inputs = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip(self.model.input_names, low, high, strict=True))
         return (
             f"<{type(self).__name__} by {self.method}: manoeuvre {T_i:.6g} to {T_f:.6g} s, preactuation {self.preactuation:.4g} s, "
             f"postactuation {self.postactuation:.4g} s, {inputs}>"
@@ -171,12 +169,12 @@ class Plan:
 
     def states(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """States (m, n) at times t (m,) [s], as deviations from the operating point; see __call__."""
-        return self._rows(t, inside, slice(0, self.model.systems[0].n_states))
+        return self._rows(t, inside, slice(0, self.model.n_states))
 
     def inputs(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """Inputs (m, p) at times t (m,) [s]; see __call__."""
-        n, p = self.model.systems[0].n_states, self.model.systems[0].n_channels
-        return self._rows(t, inside, slice(n, n + p)) + self.model.systems[0].operating_point.u0
+        n, p = self.model.n_states, self.model.n_channels
+        return self._rows(t, inside, slice(n, n + p)) + self.model.operating_point.u0
 
     def _rows(self, t: ArrayLike, inside: ArrayLike | None, rows: slice) -> Array:
         times = np.atleast_1d(np.asarray(t, dtype=float))

@@ -58,10 +58,10 @@ def input_growth(plan: Plan) -> InputGrowth:
     """The modes of the plan's first piece. Raises TrajectoryError for a plan that is not at rest before its manoeuvre."""
     trajectory = plan.trajectory
     generator = trajectory.generators[trajectory.kind[0]]
-    n, p = plan.model.systems[0].n_states, plan.model.systems[0].n_channels
+    n, p = plan.model.n_states, plan.model.n_channels
     M, X = generator.M_b, generator.X_b[n : n + p]
     v = trajectory.v_b[0, : len(M)]
-    u_0 = plan.model.systems[0].operating_point.u0
+    u_0 = plan.model.operating_point.u0
     if not len(M):
         return _none(u_0)
     schur, Q, k = scipy.linalg.schur(M, output="real", sort=lambda re, im: re > REST_TOLERANCE * np.linalg.norm(M))

@@ -17,17 +17,17 @@ LARGEST_DECAY = 3.0
 """Time constants that a mode of the reference may decay over within one piece: backward, its rounding errors grow by e^3."""
 
 
-def require_reference(system: StateSpace, reference: object) -> None:
-    """Raises TrajectoryError unless `reference` is a signal with one channel per output of `system`."""
+def require_reference(plant: SwitchedSystem | StateSpace, reference: object) -> None:
+    """Raises TrajectoryError unless `reference` is a signal with one channel per output of `plant`."""
     if not isinstance(reference, PiecewiseSignal):
         raise TrajectoryError(
             "expected a reference such as invtrack.rest_to_rest(0.0, 1.0, duration=2.0) or invtrack.sampled_reference(times, "
             f"values), got {type(reference).__name__}"
         )
-    if reference.n_channels != system.n_channels:
+    if reference.n_channels != plant.n_channels:
         raise TrajectoryError(
-            f"the reference has {reference.n_channels} channels, the plant {system.n_channels} outputs "
-            f"{list(system.output_names)}; stack one signal per output with invtrack.stack"
+            f"the reference has {reference.n_channels} channels, the plant {plant.n_channels} outputs "
+            f"{list(plant.output_names)}; stack one signal per output with invtrack.stack"
         )
 
 
@@ -47,6 +47,6 @@ def decay_stops(reference: PiecewiseSignal) -> Array:
 
 def deviation_reference(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSignal:
     """The reference as deviation from the operating point, with breakpoints at the jumps and wherever decaying modes need them."""
-    y_0 = plant.systems[0].operating_point.y0
+    y_0 = plant.operating_point.y0
     deviation = reference + constant(-y_0, at=reference.manoeuvre[0]) if np.any(y_0) else reference
     return deviation.refined([*plant.switch_times, *decay_stops(deviation)])

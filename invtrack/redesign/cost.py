@@ -74,4 +74,4 @@ def _edges(plan: Plan) -> Array:
 def _deviations(plan: Plan, times: Array, inside: Array | None) -> tuple[Array, Array, Array]:
     """What is weighed: states, inputs from the operating point, and output errors."""
     at = plan(times, inside=inside)
-    return at.x, at.u - plan.model.systems[0].operating_point.u0, at.y - at.y_d
+    return at.x, at.u - plan.model.operating_point.u0, at.y - at.y_d

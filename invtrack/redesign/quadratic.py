@@ -57,7 +57,7 @@ def quadratic_redesign(
         )
     plant = as_switched(model)
     weights = as_weights(plant, R=R, Q_x=Q_x, Q_y=Q_y)
-    require_reference(plant.systems[0], reference)
+    require_reference(plant, reference)
     deviation = _deviation(plant, reference)
     plan = assemble(plant, deviation, weights)
     _require_free_holding(plant, plan, weights)
@@ -94,7 +94,7 @@ def _deviation(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSi
 
 def _require_free_holding(plant: SwitchedSystem, plan: Redesign, weights: Weights) -> None:
     """Raises RedesignError where the plan goes on costing something at rest before or after the manoeuvre."""
-    n, p = plant.systems[0].n_states, plant.systems[0].n_channels
+    n, p = plant.n_states, plant.n_channels
     for wanted, values, when in zip(plan.held, plan.held_values, ("before", "after"), strict=True):
         staying_away = float(np.abs(wanted) @ np.abs(weights.Q_y) @ np.abs(wanted))
         x, u, y = np.split(values[np.newaxis], [n, n + p], axis=1)
@@ -102,7 +102,7 @@ def _require_free_holding(plant: SwitchedSystem, plan: Redesign, weights: Weight
         rounding = ROUNDING * float(weights.terms(x, u, y - wanted)[0])
         if rate > FREE_HOLDING * staying_away + rounding:
             raise RedesignError(
-                f"the cost is infinite: {when} the manoeuvre the outputs {list(plant.systems[0].output_names)} are to be held at "
+                f"the cost is infinite: {when} the manoeuvre the outputs {list(plant.output_names)} are to be held at "
                 f"{wanted.tolist()} (from the operating point) for ever, which costs {rate:.3g} per second even at the best "
                 "compromise; let the reference return to the operating point, take the held value itself as the operating point, "
                 "or give no weight to the states or inputs that holding it takes (a rigid-body motion needs none)"

@@ -68,7 +68,7 @@ class Jumps:
 def map_jumps(trajectory: TwoSidedTrajectory, exosystem: Exosystem, plant: SwitchedSystem, weights: Array) -> Jumps:
     """Jumps of G (n, q), from its values on both sides of each breakpoint, for the exosystem's states times `weights` (q,)."""
     exosystem, w = exosystem.weighted(weights), column_weights(weights)
-    n, q, edges = plant.systems[0].n_states, exosystem.n_states, trajectory.breakpoints
+    n, q, edges = plant.n_states, exosystem.n_states, trajectory.breakpoints
     sides = np.arange(len(edges))
     middles = inner_times(edges)
     rows = slice(0, n * q)
@@ -152,7 +152,7 @@ def inadmissible_states(
         time = float(jumps.times[worst])
         form = normal_form(plant.systems[int(plant.interval(time))])
         jump = jumped[worst] * w[j]
-        found.append(InadmissibleState(names[j], time, *_where(form, plant.systems[0].output_names, jump)))
+        found.append(InadmissibleState(names[j], time, *_where(form, plant.output_names, jump)))
     return tuple(found)
 
 

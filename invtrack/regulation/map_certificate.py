@@ -53,7 +53,7 @@ def certify_map(
 
     `boundary_residual` and `continuity`, from its values too, are handed on.
     """
-    n, q = model.systems[0].n_states, exosystem.n_states
+    n, q = model.n_states, exosystem.n_states
     exosystem, w, ratios = exosystem.weighted(weights), column_weights(weights), unit_ratios(model)
     starts, ends, piece = _panels(trajectory, span)
     middle, half = (starts + ends) / 2, (ends - starts) / 2

@@ -91,12 +91,12 @@ class RegulationMap:
 
     def x_map(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """G (m, n, q) at times t (m,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""
-        n = self.model.systems[0].n_states
+        n = self.model.n_states
         return self._rows(t, inside, 0, n)
 
     def u_map(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """F (m, p, q) at times t (m,) [s]; see x_map."""
-        n, p = self.model.systems[0].n_states, self.model.systems[0].n_channels
+        n, p = self.model.n_states, self.model.n_channels
         return self._rows(t, inside, n, n + p)
 
     def _rows(self, t: ArrayLike, inside: ArrayLike | None, first: int, last: int) -> Array:
@@ -131,7 +131,7 @@ class RegulationMap:
             )
         # At T_i, a breakpoint of the plan: its reference is to have no breakpoint that it does not know.
         x_0, T_i = self._at_start(x_e, at), self.manoeuvre[0]
-        point = self.model.systems[0].operating_point
+        point = self.model.operating_point
         deviation = self._comparable.reference(x_0, at=T_i).refined(self.breakpoints)
         trajectory = self._plan(self._comparable.states(x_0, T_i, self.breakpoints) / self._sizes)
         preactuation, postactuation = actuation_times(trajectory, self._departures(trajectory), self.tolerance, None)[:2]

@@ -66,7 +66,7 @@ class LinearPlant:
     @property
     def operating_point(self) -> OperatingPoint:
         """That of the models."""
-        return self.model.systems[0].operating_point
+        return self.model.operating_point
 
     @property
     def breakpoints(self) -> Array:

@@ -89,7 +89,7 @@ def warn_of_start(plant: SimulatedPlant, controller: Controller) -> None:
     first, whole = plan(plan.start), plan(np.linspace(plan.start, plan.end, PLAN_SAMPLES))
     if not np.any(_far(first.x[0], whole.x)):
         return
-    y_0 = plan.model.systems[0].operating_point.y0
+    y_0 = plan.model.operating_point.y0
     if np.any(_far(first.y[0] - y_0, whole.y - y_0)):
         wanted = ", ".join(
             f"{name} at {begins:.4g} instead of {at:.4g}"

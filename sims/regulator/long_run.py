@@ -58,7 +58,7 @@ def rate_through_jumps(rig: Rig) -> float:
 
     Poles that are the same in every interval do not make it their own: the modes change at each jump.
     """
-    transition = np.eye(rig.model.systems[0].n_states)
+    transition = np.eye(rig.model.n_states)
     durations = np.diff([0.0, *JUMPS])
     for system, K, duration in zip(rig.model.systems[:3], rig.gains.gains[:3], durations, strict=True):
         transition = scipy.linalg.expm((system.A - system.B @ K) * duration) @ transition

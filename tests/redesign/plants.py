@@ -70,7 +70,7 @@ def simulated(model: Any, u: Callable[[Array], Array], times: Array) -> Array:
     h = times[1] - times[0]
     # One side at each end of a step: inputs may jump at switch times.
     first, middle, last = u(times[:-1] + 1e-9 * h), u(times[:-1] + h / 2), u(times[1:] - 1e-9 * h)
-    x = np.zeros((len(times), plant.systems[0].n_states))
+    x = np.zeros((len(times), plant.n_states))
     for j, k in enumerate(plant.interval(times[:-1] + h / 2)):
         A, B = plant.systems[k].A, plant.systems[k].B
         k_1 = A @ x[j] + B @ first[j]

@@ -70,7 +70,7 @@ def modified_inversion(
     if design not in get_args(Design):
         raise InversionError(f"design must be one of {list(get_args(Design))}, got {design!r}")
     plant = as_switched(model)
-    require_reference(plant.systems[0], reference)
+    require_reference(plant, reference)
     deviation = deviation_reference(plant, reference)
     wish = Wish(move, axis_distance, real_part)
     splits = undivided_dynamics(plant)
@@ -154,7 +154,7 @@ def _require_equilibrium(plant: SwitchedSystem, internals: list[InternalDynamics
         if np.linalg.norm(left) > HELD_TOLERANCE * terms:
             raise InversionError(
                 f"a zero at the origin: the internal dynamics have no equilibrium in which the outputs "
-                f"{list(plant.systems[0].output_names)} hold {held.tolist()} (deviations from the operating point), so the inverse "
+                f"{list(plant.output_names)} hold {held.tolist()} (deviations from the operating point), so the inverse "
                 "cannot come to rest; let the reference start and end at the operating point, or track another output"
             )
 

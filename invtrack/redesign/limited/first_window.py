@@ -54,7 +54,7 @@ class LimitedProblem:
 
 def first_window(problem: LimitedProblem, step: float | None) -> tuple[tuple[Array, Array], tuple[float, float], float]:
     """Units of states and inputs, time [s] before and after the manoeuvre, and the longest step [s]."""
-    n, p = problem.plant.systems[0].n_states, problem.plant.systems[0].n_channels
+    n, p = problem.plant.n_states, problem.plant.n_channels
     start, end = problem.reference.manoeuvre
     edges = problem.free.breakpoints
     per_piece = max(33, SAMPLES // len(edges))

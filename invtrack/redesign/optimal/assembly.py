@@ -38,7 +38,7 @@ class Redesign:
 
 def assemble(plant: SwitchedSystem, reference: PiecewiseSignal, weights: Weights) -> Redesign:
     """The optimum for a reference (as deviation) that has breakpoints at all switch times and holds still before and after."""
-    edges, y_0 = reference.breakpoints, plant.systems[0].operating_point.y0
+    edges, y_0 = reference.breakpoints, plant.operating_point.y0
     before, after = (without_rounding(reference(t), reference, y_0) for t in (edges[0] - 1.0, edges[-1] + 1.0))
     held = (before, after)
     if not np.any(weights.Q_y):
@@ -133,7 +133,7 @@ def _trajectory(
 
 def _rest(plant: SwitchedSystem, reference: PiecewiseSignal, held: tuple[Array, Array]) -> Redesign:
     """The optimum where nothing is asked of the output: not to move. (The Riccati equation may have no stabilizing solution.)"""
-    rows = plant.systems[0].n_states + 2 * plant.systems[0].n_channels
+    rows = plant.n_states + 2 * plant.n_channels
     still, none, no_columns = np.zeros((1, 1)), np.zeros((0, 0)), np.zeros((rows, 0))
     forward = TwoSidedGenerator(still, np.zeros((rows, 1)), none, no_columns)
     backward = TwoSidedGenerator(none, no_columns, still, np.zeros((rows, 1)))
