@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from invtrack.errors import InversionError
 from invtrack.linear.state_space import StateSpace
-from invtrack.linear.switched import as_switched
-from invtrack.plans.certificate import certify
-from invtrack.plans.plan import Plan, TwoSidedGenerator, TwoSidedTrajectory
-from invtrack.plans.problem import deviation_reference, require_reference
-from invtrack.references.signal import PiecewiseSignal
+from invtrack.plans.plan import Plan
+from invtrack.plans.problem import PlanningProblem
+from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
+from invtrack.plans.two_sided_problem import two_sided_problem
+from invtrack.references.signal import Generator, PiecewiseSignal
 
 Array = NDArray[np.float64]
 
@@ -29,40 +29,24 @@ def steady_state_feedforward(model: Any, reference: PiecewiseSignal) -> Plan:
 
     Raises InversionError where some output cannot be held (a zero at s = 0), TrajectoryError for a wrong number of channels.
     """
-    plant = as_switched(model)
-    require_reference(plant, reference)
-    deviation = deviation_reference(plant, reference)
-    edges = deviation.breakpoints
-    owner = plant.interval(deviation.inner_times())
-    generators: list[TwoSidedGenerator] = []
-    known: dict[tuple[int, int], int] = {}
-    kind = np.empty(len(owner), dtype=np.intp)
-    for piece, key in enumerate(zip(owner.tolist(), deviation.kind.tolist(), strict=True)):
-        if key not in known:
-            known[key] = len(generators)
-            system, generator = plant.systems[key[0]], deviation.generators[key[1]]
-            rows = np.vstack([_steady_state(system) @ generator.R, generator.R])
-            none = np.zeros((0, 0))
-            generators.append(TwoSidedGenerator(generator.S, rows, none, np.zeros((len(rows), 0))))
-        kind[piece] = known[key]
-    # Before the manoeuvre only a backward part is allowed; the reference holds still there, so both directions are the same.
-    g = generators[kind[0]]
-    generators.append(TwoSidedGenerator(g.M_b, g.X_b, g.M_f, g.X_f))
-    kind[0] = len(generators) - 1
-    trajectory = TwoSidedTrajectory(edges, tuple(generators), kind, deviation.anchors, deviation.anchors)
-    manoeuvre = (float(edges[0]), float(edges[-1]))
-    return Plan(
-        method="static reference",
-        model=plant,
-        reference=reference,
-        trajectory=trajectory,
-        manoeuvre=manoeuvre,
-        preactuation=0.0,
-        postactuation=0.0,
-        tolerance=0.0,
-        certificate=certify(plant, trajectory, deviation, manoeuvre),
-        remarks=("not a trajectory of the plant: the steady state of each wanted output",),
-    )
+    problem = PlanningProblem.of(model, reference)
+    trajectory = two_sided_problem(problem, problem.plant.map(_SteadyState)).solve().trajectory()
+    remark = "not a trajectory of the plant: the steady state of each wanted output"
+    return problem.plan("steady-state feedforward", trajectory, exact=None, remarks=(remark,))
+
+
+class _SteadyState:
+    """A two-sided system without states: the reference's share is all there is."""
+
+    def __init__(self, plant: StateSpace) -> None:
+        self._held = np.vstack([_steady_state(plant), np.eye(plant.n_channels)])
+        none = Part.empty(len(self._held), 0)
+        self.system = TwoSidedSystem(none, none, np.zeros((0, 0)))
+
+    def driven(self, generator: Generator) -> DrivenSystem:
+        """[x; u; y] that would hold the wanted output where it is."""
+        nothing = np.zeros((0, len(generator.S)))
+        return DrivenSystem(self.system, generator.S, nothing, nothing, self._held @ generator.R, nothing)
 
 
 def _steady_state(system: StateSpace) -> Array:

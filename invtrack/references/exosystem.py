@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -64,6 +65,13 @@ class Exosystem:
     def __len__(self) -> int:
         """Number of intervals N + 1."""
         return len(self.A)
+
+    @cached_property
+    def numbers(self) -> NDArray[np.intp]:
+        """Which of the distinct pairs (A_e, C_e) each interval has, (N + 1,)."""
+        pairs = [(id(A_e), id(C_e)) for A_e, C_e in zip(self.A, self.C, strict=True)]
+        place = {pair: number for number, pair in enumerate(dict.fromkeys(pairs))}
+        return np.array([place[pair] for pair in pairs], dtype=np.intp)
 
     @property
     def n_states(self) -> int:
@@ -125,11 +133,11 @@ class Exosystem:
         q = self.n_states
         if matrix.shape != (q, q) or np.linalg.cond(matrix) > 1 / np.finfo(float).eps:
             raise TrajectoryError(f"T must be a nonsingular ({q}, {q}) matrix, got shape {matrix.shape}")
-        # Matrices that recur are worked out once and stay the same.
-        known = {id(A_e): np.linalg.solve(matrix.T, (matrix @ A_e).T).T for A_e in {id(A_e): A_e for A_e in self.A}.values()}
-        known |= {id(C_e): np.linalg.solve(matrix.T, C_e.T).T for C_e in {id(C_e): C_e for C_e in self.C}.values()}
-        A, C = [known[id(A_e)] for A_e in self.A], [known[id(C_e)] for C_e in self.C]
-        return Exosystem(A, C, self.switch_times, names=names)
+        return self._mapped(
+            lambda A_e: np.asarray(np.linalg.solve(matrix.T, (matrix @ A_e).T).T, dtype=float),
+            lambda C_e: np.asarray(np.linalg.solve(matrix.T, C_e.T).T, dtype=float),
+            names=names,
+        )
 
     def weighted(self, weights: ArrayLike) -> Exosystem:
         """The same outputs from the states w x_e, weights w (q,), not negative; exact where they are powers of two.
@@ -139,12 +147,16 @@ class Exosystem:
         given = real_numbers("weights", weights)
         seen = given > 0
         w = np.where(seen, given, 1.0)
-        # Matrices that recur are worked out once and stay the same.
-        known = {id(A_e): np.where(seen[:, None] & seen, A_e / w * w[:, None], 0.0) for A_e in self.A}
-        known |= {id(C_e): C_e / w for C_e in self.C}
-        return Exosystem(
-            [known[id(A_e)] for A_e in self.A], [known[id(C_e)] for C_e in self.C], self.switch_times, names=self.names
-        )
+        return self._mapped(lambda A_e: np.where(seen[:, None] & seen, A_e / w * w[:, None], 0.0), lambda C_e: C_e / w)
+
+    def _mapped(
+        self, A_of: Callable[[Array], Array], C_of: Callable[[Array], Array], *, names: Sequence[str] | None = None
+    ) -> Exosystem:
+        """The exosystem with other matrices, worked out once for pairs that recur, so that they stay the same."""
+        first = np.unique(self.numbers, return_index=True)[1]
+        A, C = [A_of(self.A[k]) for k in first], [C_of(self.C[k]) for k in first]
+        names = self.names if names is None else names
+        return Exosystem([A[k] for k in self.numbers], [C[k] for k in self.numbers], self.switch_times, names=names)
 
     def shifted(self, delay: float) -> Exosystem:
         """The same exosystem `delay` seconds later."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from invtrack.linear.normal_form import NormalForm, normal_form
 from invtrack.linear.scaling import RESOLVED, comparable_size, unit_ratios
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.plan import TwoSidedTrajectory
+from invtrack.plans.trajectory import Trajectory
 from invtrack.references.exosystem import Exosystem
 from invtrack.regulation.map_pieces import inner_times
 from invtrack.regulation.visibility import column_weights
@@ -65,7 +65,7 @@ class Jumps:
         return np.flatnonzero(np.any(self.jump, axis=(1, 2))).tolist()
 
 
-def map_jumps(trajectory: TwoSidedTrajectory, exosystem: Exosystem, plant: SwitchedSystem, weights: Array) -> Jumps:
+def map_jumps(trajectory: Trajectory, exosystem: Exosystem, plant: SwitchedSystem, weights: Array) -> Jumps:
     """Jumps of G (n, q), from its values on both sides of each breakpoint, for the exosystem's states times `weights` (q,)."""
     exosystem, w = exosystem.weighted(weights), column_weights(weights)
     n, q, edges = plant.n_states, exosystem.n_states, trajectory.breakpoints

@@ -62,7 +62,7 @@ BY_DISTANCE = {"axis_distance": 0.5, "real_part": 1.0}
     ],
 )
 def test_options(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(InversionError, match=message):
+    with pytest.raises(PlanError, match=message):
         modified_inversion(TWO_DISC, SLEW, **{"error_poles": CHAIN, **options})
 
 

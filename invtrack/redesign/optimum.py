@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -12,7 +11,9 @@ from numpy.typing import NDArray
 from invtrack.errors import RedesignError
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace
+from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.redesign.weights import Weights, square_root
+from invtrack.references.signal import Generator
 
 Array = NDArray[np.float64]
 
@@ -27,47 +28,26 @@ HIDDEN_TOLERANCE = 1e-9
 class Optimum:
     """[x; u; y] = X_f xi + X_b s + X_y y_d with xi' = A_c xi + E_f y_d and s' = -A_c's + E_b y_d, A_c stable.
 
-    Shapes: A_c (n, n), E_f, E_b (n, p), X_f, X_b (n + 2 p, n), X_y (n + 2 p, p). xi is integrated forward, s backward in time.
-    continuous_f, continuous_b (2 n, n): what is continuous through a jump of the plant, [x; costate] = continuous_f xi +
-    continuous_b s.
+    xi is integrated forward, s backward in time: the parts of `system`; what is continuous through a jump of the plant is
+    [x; costate]. E_f, E_b (n, p), X_y (n + 2 p, p).
     """
 
-    A_c: Array
+    system: TwoSidedSystem
     E_f: Array
     E_b: Array
-    X_f: Array
-    X_b: Array
     X_y: Array
-    continuous_f: Array
-    continuous_b: Array
 
-    def in_units_of(self, forward: float, backward: float) -> Optimum:
-        """The same with xi and s measured in these units."""
-        return Optimum(
-            A_c=self.A_c,
-            E_f=self.E_f / forward,
-            E_b=self.E_b / backward,
-            X_f=self.X_f * forward,
-            X_b=self.X_b * backward,
-            X_y=self.X_y,
-            continuous_f=self.continuous_f * forward,
-            continuous_b=self.continuous_b * backward,
+    def driven(self, generator: Generator) -> DrivenSystem:
+        """The optimum for a reference y_d = R w, w' = S w."""
+        R = generator.R
+        return DrivenSystem(
+            system=self.system,
+            S=generator.S,
+            D_f=self.E_f @ R,
+            D_b=self.E_b @ R,
+            X_w=self.X_y @ R,
+            J_w=np.zeros((len(self.system.forward.J), R.shape[1])),
         )
-
-    @cached_property
-    def steady_f(self) -> Array:
-        """xi (n, p) where each output's reference is held at one for ever."""
-        return np.asarray(-np.linalg.solve(self.A_c, self.E_f), dtype=float)
-
-    @cached_property
-    def steady_b(self) -> Array:
-        """s (n, p) there."""
-        return np.asarray(np.linalg.solve(self.A_c.T, self.E_b), dtype=float)
-
-    @property
-    def steady_values(self) -> Array:
-        """[x; u; y] (n + 2 p, p) there: the compromise that costs least per second."""
-        return self.X_f @ self.steady_f + self.X_b @ self.steady_b + self.X_y
 
 
 def optimum(system: StateSpace, weights: Weights) -> Optimum:
@@ -100,17 +80,14 @@ def optimum(system: StateSpace, weights: Weights) -> Optimum:
     def continuous(x_rows: Array, costate_rows: Array) -> Array:
         return np.vstack([state_unit[:, None] * x_rows, costate_rows / state_unit[:, None]])
 
-    n = len(A)
-    return Optimum(
-        A_c=A_c,
-        E_f=E_f,
-        E_b=E_b,
-        X_f=values(np.eye(n), -K),
-        X_b=values(L, -K @ L - B.T),
-        X_y=values(np.zeros((n, len(D))), D.T @ Q_y),
-        continuous_f=continuous(np.eye(n), P),
-        continuous_b=continuous(L, P @ L + np.eye(n)),
+    identity = np.eye(len(A))
+    apart = np.block([[identity + L @ P, -L], [-P, identity]])  # of [x; costate] = [I, L; P, P L + I] [xi; s]
+    two_sided = TwoSidedSystem(
+        forward=Part(A_c, values(identity, -K), continuous(identity, P)),
+        backward=Part(-A_c.T, values(L, -K @ L - B.T), continuous(L, P @ L + identity)),
+        T=apart * np.concatenate([1 / state_unit, state_unit]),
     )
+    return Optimum(two_sided, E_f, E_b, values(np.zeros((len(A), len(D))), D.T @ Q_y))
 
 
 def _units(system: StateSpace, weights: Weights) -> tuple[Array, Array]:

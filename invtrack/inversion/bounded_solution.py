@@ -1,31 +1,78 @@
-"""What an inverse is refused for: a reference too rough, conditions that cannot be met, a solution that cannot be trusted."""
+"""The bounded solution of an inverse, exact or modified: what every method computes once the internal dynamics are split."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.errors import BoundednessError, CompatibilityError, InversionError, TrajectoryError
-from invtrack.inversion.bounded_solution.assembly import Assembly
-from invtrack.inversion.bounded_solution.junctions import SAME_ROW_TOLERANCE
+from invtrack.errors import BoundednessError, CompatibilityError, TrajectoryError
+from invtrack.inversion.inverse_system import Correction, InverseSystem
 from invtrack.linear.internal_dynamics import SplitDynamics
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.boundary_value import BoundaryValueSolution
-from invtrack.plans.plan import Certificate
+from invtrack.plans.problem import PlanningProblem
+from invtrack.plans.trajectory import Trajectory
+from invtrack.plans.two_sided_problem import SAME_ROW_TOLERANCE, TwoSidedProblem, TwoSidedSolution, two_sided_problem
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
-
-ACCURACY = 1e-8
-"""Largest residual of a plan, relative to its size, with which it is handed out."""
 
 CONSISTENCY_TOLERANCE = 1e-7
 """Conditions without unknowns left must hold to this share of the size of their terms."""
 
 
-def require_smooth(plant: SwitchedSystem, splits: list[SplitDynamics], reference: PiecewiseSignal) -> None:
+@dataclass(frozen=True, eq=False)
+class BoundedSolution:
+    """The trajectory, and the equations that it solves."""
+
+    trajectory: Trajectory
+    equations: TwoSidedSolution
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a user should know about the solution."""
+        freedom = self.equations.boundary.freedom
+        if not freedom:
+            return ()
+        return (f"the bounded inverse is not unique ({freedom} free direction(s)); the one of least norm was taken",)
+
+
+def bounded_solution(
+    problem: PlanningProblem, splits: Sequence[SplitDynamics], corrections: Sequence[Correction] | None = None
+) -> BoundedSolution:
+    """Stable part forward in time, antistable part backward, the state continuous at the jumps.
+
+    splits: of each interval; corrections: what each interval's law adds to the exact one (nothing, by default). Raises
+    CompatibilityError and BoundednessError where the conditions cannot all be met.
+    """
+    equations = inverse_problem(problem, splits, corrections).solve()
+    require_consistent(problem.plant, equations)
+    return BoundedSolution(equations.trajectory(), equations)
+
+
+def inverse_problem(
+    problem: PlanningProblem, splits: Sequence[SplitDynamics], corrections: Sequence[Correction] | None = None
+) -> TwoSidedProblem:
+    """The two-sided problem of the inverse: that of each interval, driven by each generator of the reference that occurs in it."""
+    inverses: dict[int, InverseSystem] = {}
+    for k, split in enumerate(splits):
+        if id(split) not in inverses:
+            inverses[id(split)] = InverseSystem.of(problem.plant.systems[k], split, None if corrections is None else corrections[k])
+    models = [inverses[id(split)] for split in splits]
+    peaks = [_prescribed_peak(problem.deviation, model) for model in models[1:]]
+    return two_sided_problem(problem, models, peaks=peaks)
+
+
+def _prescribed_peak(reference: PiecewiseSignal, model: InverseSystem) -> Array:
+    """Largest size over the whole reference of each output and derivative that the inverse prescribes (rho,)."""
+    degrees = model.split.internal.form.relative_degree
+    sizes = [reference.size(order)[i] for i, r in enumerate(degrees) for order in range(r)]
+    return np.array(sizes[: model.system.prescribed], dtype=float)
+
+
+def require_smooth(plant: SwitchedSystem, splits: Sequence[SplitDynamics], reference: PiecewiseSignal) -> None:
     """Within an interval of relative degree r, y_d ... y_d^(r-1) must be continuous; at a jump the conditions there decide."""
     after = plant.interval(reference.breakpoints)
     before = np.searchsorted(plant.switch_times, reference.breakpoints, side="left")
@@ -64,20 +111,20 @@ def _same_row(a: Array, b: Array) -> bool:
     return bool(np.all(np.abs(a - b) <= SAME_ROW_TOLERANCE * np.maximum(np.abs(a), np.abs(b)).max()))
 
 
-def require_consistent(
-    plant: SwitchedSystem, splits: Sequence[SplitDynamics], assembly: Assembly, solution: BoundaryValueSolution
-) -> None:
-    for k, (row, size) in enumerate(assembly.open_checks):
+def require_consistent(plant: SwitchedSystem, equations: TwoSidedSolution) -> None:
+    """Raises CompatibilityError or BoundednessError where conditions are left that the solution cannot meet."""
+    solution = equations.boundary
+    for k, (row, size) in enumerate(equations.open_checks):
         if size > CONSISTENCY_TOLERANCE:
             raise CompatibilityError(
                 f"at the jump at t = {plant.switch_times[k]:.6g} s the outputs and derivatives of the new plant (condition "
                 f"{row + 1}) miss the wanted ones by {size:.1e} of their size whatever the internal state, so no bounded input "
                 "keeps the output exact through it; let the reference there take the value that the state before gives"
             )
-    scale = max(assembly.size, np.finfo(float).tiny)
+    scale = max(equations.size, np.finfo(float).tiny)
     compatibility_rows = 0
     for k, miss in enumerate(solution.inconsistency[:-1]):
-        compatibility_rows += len(assembly.junctions[k].rhs) - len(splits[k + 1].internal.A_eta)
+        compatibility_rows += equations.compatibility_rows[k]
         if miss > CONSISTENCY_TOLERANCE * scale and not compatibility_rows:
             raise BoundednessError(
                 "no bounded inverse: the internal state that the past leaves at the jump at "
@@ -91,21 +138,10 @@ def require_consistent(
                 "around the jump, or keep C* (outputs and derivatives as functions of the state) the same on both sides"
             )
     if solution.inconsistency[-1] > CONSISTENCY_TOLERANCE * scale:
-        n_u = [len(split.A_u) for split in (splits[0], splits[-1])]
+        n_u = [stretch.system.backward.size for stretch in (equations.stretches[0], equations.stretches[-1])]
         raise BoundednessError(
             f"no bounded inverse: {n_u[0]} antistable zero(s) before the manoeuvre give {n_u[0]} unknown(s) for the {n_u[1]} "
             "condition(s) that keep the internal state bounded after it, and these fail by "
             f"{solution.inconsistency[-1] / scale:.1e} of the trajectory's size; change the reference, the last interval's "
             "parameters, or the output"
-        )
-
-
-def require_accurate(certificate: Certificate, solution: BoundaryValueSolution, *, exact: bool = True) -> None:
-    """The last guard: a plan that misses its own equations (if `exact`, y = y_d is one) is refused, whatever the reason."""
-    worst = max(certificate.dynamics_residual, certificate.output_error if exact else 0.0, certificate.continuity)
-    if not worst <= ACCURACY:
-        raise InversionError(
-            f"the inverse is too ill-conditioned to be trusted: the plan misses its own equations by {worst:.1e} of its size "
-            f"({certificate}; smallest pivot of the boundary value problem {solution.conditioning:.1e}); look for inputs or states "
-            "in badly chosen units, nearly dependent outputs, or a model in fewer states"
         )
