@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from invtrack.errors import InversionError, NonHyperbolicError, TrajectoryError
+from invtrack.errors import InversionError, NonHyperbolicError, PlanError, TrajectoryError
 from invtrack.inversion.modified.modified_inversion import modified_inversion
 from invtrack.inversion.modified.preactuation_trade_off import preactuation_trade_off, tune_modified_inversion
 from invtrack.linear.state_space import StateSpace

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from invtrack.errors import InversionError, NonHyperbolicError, TrajectoryError
+from invtrack.errors import InversionError, NonHyperbolicError, PlanError, TrajectoryError
 from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import OperatingPoint, StateSpace
 from invtrack.linear.switched import SwitchedSystem
