@@ -87,7 +87,8 @@ def _deviation(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSi
         if np.any(np.abs(generator.S @ w) > 1e-12 * np.abs(generator.S) @ np.abs(w)):
             raise TrajectoryError(
                 f"the reference goes on moving {when} its first and last breakpoint ({reference.manoeuvre}), for ever, so the cost "
-                "over all of time is infinite; hold it still there, for instance with invtrack.autonomous(..., start=, end=)"
+                "over all of time is infinite; hold it still there, for instance with "
+                "invtrack.references.autonomous(..., start=, end=)"
             )
     return deviation_reference(plant, reference)
 

@@ -1,0 +1,13 @@
+"""The closed loop: a plant in MuJoCo, or its linear model, driven by a controller and recorded."""
+
+from invtrack.simulation.closed_loop import simulate
+from invtrack.simulation.linear_plant import LinearPlant
+from invtrack.simulation.sensors import Sensor
+from invtrack.simulation.simulated_plant import SimulatedPlant
+
+__all__ = [
+    "LinearPlant",
+    "Sensor",
+    "SimulatedPlant",
+    "simulate",
+]
