@@ -4,7 +4,7 @@ from invtrack.control.exosystem_controller import ExosystemController
 from invtrack.control.exosystem_observer import ExosystemObserver
 from invtrack.control.gains import GainSchedule, lqr, place
 from invtrack.control.observer import KalmanFilter, LuenbergerObserver, Observer
-from invtrack.control.output_feedback import OutputFeedbackController
+from invtrack.control.output_feedback import OutputFeedbackController, OutputFeedbackLaw
 from invtrack.control.protocol import AffineLaw, Controller, Instants, Law
 from invtrack.control.tracking_controller import PlanFollower, TrackingController
 
@@ -20,6 +20,7 @@ __all__ = [
     "LuenbergerObserver",
     "Observer",
     "OutputFeedbackController",
+    "OutputFeedbackLaw",
     "PlanFollower",
     "TrackingController",
     "lqr",
