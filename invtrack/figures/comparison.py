@@ -36,6 +36,7 @@ def comparison_figure(results: Sequence[RunResult], *, window: tuple[float, floa
         _draw_column(panels, results, window, labelled=True)
         _label_rows(panels, first)
         panels[-1].set_xlabel("time [s]")
+        figure.align_ylabels()
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
 
@@ -71,6 +72,7 @@ def around_figure(results: Sequence[RunResult], *, times: Mapping[str, float], b
         # An axis that is scaled to one column at a time would keep the limits of the last.
         panels[0, 0].set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
         _label_rows(panels[:, 0].tolist(), first)
+        figure.align_ylabels()
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from invtrack.errors import InvtrackError
@@ -23,6 +27,7 @@ Line = tuple[Array, Array]
 """Times (m,) [s] and values (m,)."""
 
 INCHES_PER_PANEL = 2.0
+PHASE_TICKS = 7
 
 
 def overlay_figure(
@@ -67,6 +72,7 @@ def overlay_figure(
             for handle, text in zip(*axes.get_legend_handles_labels(), strict=True):
                 handles.setdefault(text, handle)
         all_axes[-1].set_xlabel("time [s]")
+        figure.align_ylabels()
         if len(handles) > 1:
             figure.legend(list(handles.values()), list(handles), loc="outside lower left", ncols=5)
     return figure
@@ -153,6 +159,7 @@ def decay_figure(title: str, decays: Sequence[Decay]) -> Figure:
             axes.set_ylabel(decay.label)
             axes.set_xlabel("time [s]")
             axes.legend(loc="upper right")
+        figure.align_ylabels()
     return figure
 
 
@@ -183,11 +190,19 @@ def frequency_response_figure(
         all_axes[0].set_ylabel(magnitude)
         if phase:
             all_axes[1].set_ylabel("phase [degrees]")
+            all_axes[1].yaxis.set_major_locator(MultipleLocator(_phase_step(all_axes[1])))
         all_axes[-1].set_xlabel("frequency [rad/s]")
         all_axes[0].margins(x=0.0)
+        figure.align_ylabels()
         if len(curves) > 1:
             figure.legend(*all_axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
+
+
+def _phase_step(axes: Axes) -> float:
+    """Degrees between ticks: the least part or multiple of a quarter turn that gives no more than PHASE_TICKS of them."""
+    low, high = axes.get_ylim()
+    return next(step for step in (math.ldexp(45.0, k) for k in count()) if high - low <= PHASE_TICKS * step)
 
 
 def _phase(curve: ComplexArray) -> Array:

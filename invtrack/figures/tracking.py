@@ -11,7 +11,7 @@ from invtrack.figures.style import COLORS, FAINT, INK, REFERENCE, join_units, la
 from invtrack.results.metrics import preactuation_time
 from invtrack.results.result import RunResult, Signal
 
-INCHES_PER_PANEL = 1.55
+INCHES_PER_PANEL = 1.7
 LEGEND_COLUMNS, ROW_SHARE = 3, 0.17  # entries in a row of a legend; share of a panel's height that a row takes
 
 
@@ -43,6 +43,8 @@ def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = N
             for i, axes in enumerate(column):
                 mark_intervals(axes, result, window, labelled=i == 0)
             column[-1].set_xlabel("time [s]")
+        left.align_ylabels()
+        right.align_ylabels()
     return figure
 
 

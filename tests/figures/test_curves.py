@@ -53,6 +53,7 @@ def test_frequency_response_of_a_double_lag() -> None:
     assert (upper.get_ylabel(), lower.get_ylabel(), lower.get_xlabel()) == ("|G| [1]", "phase [degrees]", "frequency [rad/s]")
     np.testing.assert_allclose(np.asarray(upper.lines[0].get_ydata(), dtype=float), 1 / (1 + w**2))
     np.testing.assert_allclose(np.asarray(lower.lines[0].get_ydata(), dtype=float), -2 * np.degrees(np.arctan(w)))
+    assert lower.get_yticks()[1:-1].tolist() == [-180.0, -135.0, -90.0, -45.0, 0.0]  # parts of a turn
     assert len(frequency_response_figure("t", w=w, curves={"a": w + 0j}, magnitude="|G| [1]", phase=False).axes) == 1
 
 

@@ -48,6 +48,11 @@ def test_a_note_stands_where_the_curve_leaves_room(curve: list[float], above: bo
 def test_axes_can_be_logarithmic() -> None:
     figure = trade_off_figure("t", horizontal=ERRORS, panels=PANELS, horizontal_log=True, vertical_log=True)
     assert {(axes.get_xscale(), axes.get_yscale()) for axes in figure.axes} == {("log", "log")}
+    figure.draw_without_rendering()
+    low, high = figure.axes[-1].get_xlim()
+    labels = {label.get_position()[0]: label.get_text() for label in figure.axes[-1].get_xticklabels(minor=True)}
+    shown = [text for place, text in labels.items() if low <= place <= high]
+    assert shown == [r"$\mathdefault{2\times10^{-1}}$"]
 
 
 def test_what_does_not_fit_is_refused() -> None:
