@@ -191,7 +191,7 @@ def methods_over_jumps(numbers: Sequence[int], turns: int) -> None:
     models = [invtrack.linearize(plant, tip_mass=mass) for mass in (0.0, 100.0, 10.0)]
     duration = 2 * np.pi
     reference = invtrack.raised_cosine(2.0)
-    exosystem = invtrack.sinusoidal_exosystem([1.0], start=0.0, end=duration)
+    exosystem = invtrack.references.sinusoidal_exosystem([1.0], start=0.0, end=duration)
     methods: dict[str, Callable[[invtrack.SwitchedSystem], object]] = {
         "invert": lambda model: invtrack.invert(model, reference),
         "modified_inversion": lambda model: invtrack.modified_inversion(

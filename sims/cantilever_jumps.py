@@ -17,10 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 import invtrack
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.preactuation_figure import preactuation_figure
-from invtrack.figures.style import save_figure
-from invtrack.figures.tracking import tracking_figure
+from invtrack.figures import comparison_figure, preactuation_figure, save_figure, tracking_figure
 from invtrack.studies.folder import RunFolder
 from invtrack.studies.options import SimOptions, run_sim
 from invtrack.studies.progress import progress
@@ -73,7 +70,7 @@ def main(options: SimOptions) -> None:
     for run in runs:
         invtrack.save_recording(run.thinned(options.record_every), folder.file(f"{run.name}.rrd"))
     if options.figures:
-        _draw(runs, cases, folder)
+        _draw(runs, folder)
     folder.write_summary(
         sim="cantilever_jumps",
         model=plant.name,
@@ -91,7 +88,7 @@ def _cases(model: invtrack.SwitchedSystem, reference: invtrack.PiecewiseSignal, 
     gains = invtrack.lqr(model, Q=100.0, R=0.01)
     exact = invtrack.TrackingController(plan, gains)
     frozen = invtrack.TrackingController(invtrack.invert(model.systems[0], reference, tolerance=plan.tolerance), gains)
-    static = invtrack.TrackingController(invtrack.steady_state_feedforward(model, reference), gains)
+    static = invtrack.TrackingController(invtrack.inversion.steady_state_feedforward(model, reference), gains)
     as_planned = _schedule()
     return [
         Case("inversion", exact, as_planned),
@@ -125,7 +122,7 @@ def _numbers(run: invtrack.RunResult) -> dict[str, Any]:
     """Metrics of one case; vibrations of the flexible coordinates are measured against their planned motion."""
     numbers: dict[str, Any] = {**invtrack.metrics(run), "start": float(run.time[0]), "status": run.status}
     completed = run.status == "completed"
-    vibration = invtrack.state_vibration(run, FLEXIBLE) if completed else dict.fromkeys(FLEXIBLE)
+    vibration = invtrack.results.state_vibration(run, FLEXIBLE) if completed else dict.fromkeys(FLEXIBLE)
     numbers.update({f"{name}_vibration": value for name, value in vibration.items()})
     return numbers
 
@@ -133,7 +130,7 @@ def _numbers(run: invtrack.RunResult) -> dict[str, Any]:
 def _plan_numbers(plan: invtrack.Plan) -> dict[str, Any]:
     certificate = plan.certificate
     return {
-        "zeros": [[zero.real, zero.imag] for zero in invtrack.zeros(plan.model.systems[0])],
+        "zeros": [[zero.real, zero.imag] for zero in invtrack.linear.zeros(plan.model.systems[0])],
         "preactuation": plan.preactuation,
         "postactuation": plan.postactuation,
         "tolerance": plan.tolerance,
@@ -163,12 +160,10 @@ def _report(plan: invtrack.Plan, cases: dict[str, dict[str, Any]], slope_runs: S
     )
 
 
-def _draw(runs: Sequence[invtrack.RunResult], cases: dict[str, dict[str, Any]], folder: RunFolder) -> None:
+def _draw(runs: Sequence[invtrack.RunResult], folder: RunFolder) -> None:
     for run in runs:
         save_figure(tracking_figure(run), folder.file(f"tracking_{run.name}.png"))
-    save_figure(
-        preactuation_figure(runs[0], preactuation_time=cases[runs[0].name]["preactuation_time"]), folder.file("preactuation.png")
-    )
+    save_figure(preactuation_figure(runs[0]), folder.file("preactuation.png"))
     save_figure(comparison_figure(runs, window=(-10.0, 20.0)), folder.file("comparison.png"))
 
 

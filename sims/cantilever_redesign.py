@@ -19,9 +19,7 @@ import numpy as np
 
 import invtrack
 from invtrack.control.protocol import AffineLaw, Instants
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.style import save_figure
-from invtrack.figures.tracking import tracking_figure
+from invtrack.figures import comparison_figure, save_figure, tracking_figure
 from invtrack.studies.folder import RunFolder
 from invtrack.studies.options import SimOptions, run_sim
 from invtrack.studies.progress import progress
@@ -93,7 +91,7 @@ def main(options: SimOptions) -> None:
     cases = {run.name: _numbers(run, rig.wanted) for run in runs}
     for numbers in cases.values():
         numbers["above_optimum"] = numbers["cost"] - cases["redesigned"]["cost"]
-    predicted = invtrack.cost(best, R=R, Q_y=Q_Y)
+    predicted = invtrack.redesign.cost(best, R=R, Q_y=Q_Y)
     _report(cases, predicted)
     shown = [run for run in runs if not run.name.startswith("disturbed")]
     for run in shown:
@@ -158,7 +156,7 @@ def _controllers(rig: Rig) -> dict[str, invtrack.TrackingController]:
 
 def _best_share(exact: invtrack.Plan, staying: invtrack.Plan) -> float:
     """The share of the motion at which following it exactly costs least: share^2 effort + (1 - share)^2 price of not moving."""
-    effort, price = (invtrack.cost(plan, R=R, Q_y=Q_Y) for plan in (exact, staying))
+    effort, price = (invtrack.redesign.cost(plan, R=R, Q_y=Q_Y) for plan in (exact, staying))
     return price / (price + effort)
 
 
@@ -176,7 +174,7 @@ def _numbers(run: invtrack.RunResult, wanted: invtrack.PiecewiseSignal) -> dict[
     return {
         **invtrack.metrics(run),
         "max_error": float(np.max(np.abs(run.output.values - y_d))),  # of the motion wanted, whatever the plan was made for
-        "cost": invtrack.run_cost(run, R=R, Q_y=Q_Y, wanted=y_d),
+        "cost": invtrack.results.run_cost(run, R=R, Q_y=Q_Y, wanted=y_d),
         "status": run.status,
     }
 

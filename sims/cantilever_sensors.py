@@ -16,9 +16,7 @@ import numpy as np
 
 import invtrack
 from invtrack.control.protocol import Controller
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.style import save_figure
-from invtrack.figures.tracking import tracking_figure
+from invtrack.figures import comparison_figure, save_figure, tracking_figure
 from invtrack.studies.folder import RunFolder
 from invtrack.studies.options import SimOptions, run_sim
 from invtrack.studies.progress import progress

@@ -23,8 +23,7 @@ from hover.figures import papers_figures
 from hover.report import report_results
 
 import invtrack
-from invtrack.figures.preactuation_figure import preactuation_figure
-from invtrack.figures.style import save_figure
+from invtrack.figures import preactuation_figure, save_figure
 from invtrack.studies.folder import RunFolder
 from invtrack.studies.options import SimOptions, run_sim
 from invtrack.studies.progress import progress
@@ -42,13 +41,13 @@ def main(options: SimOptions) -> None:
     plans = _plans(model)
     runs = _runs(plant, model, plans, options.timestep)
     cases = {run.name: _numbers(run, plans[run.name.removesuffix(LINEAR)]) for run in runs}
-    bounds = {name: invtrack.preactuation_bound(plan) for name, plan in plans.items()}
+    bounds = {name: invtrack.plans.preactuation_bound(plan) for name, plan in plans.items()}
     alike = likeness(plans["exact"], plans["modified"])
     report_results(plans, bounds, cases, alike)
     for run in runs:
         invtrack.save_recording(run.thinned(options.record_every), folder.file(f"{run.name}.rrd"))
     if options.figures:
-        _draw(plans, runs, cases, folder)
+        _draw(plans, runs, folder)
     folder.write_summary(
         sim="hover_preactuation",
         model=plant.name,
@@ -109,7 +108,7 @@ def _numbers(run: invtrack.RunResult, plan: invtrack.Plan) -> dict[str, Any]:
         **invtrack.metrics(run),
         "predicted_max_error": float(np.max(np.abs(predicted))),
         "difference_from_prediction": invtrack.max_error(run, wanted="planned_output"),
-        "first_above_1_percent": invtrack.preactuation_time(plan, level=0.01),
+        "first_above_1_percent": invtrack.results.preactuation_time(plan, level=0.01),
         "alpha": decay_pair(plan).real,
         "fitted_decay_rate": fitted_decay_rate(run, decay_pair(plan)),
         "start": float(run.time[0]),
@@ -123,16 +122,11 @@ def _pairs(values: np.ndarray) -> list[list[float]]:
     return [[float(value.real), float(value.imag)] for value in values]
 
 
-def _draw(
-    plans: Mapping[str, invtrack.Plan],
-    runs: Sequence[invtrack.RunResult],
-    cases: Mapping[str, Mapping[str, Any]],
-    folder: RunFolder,
-) -> None:
+def _draw(plans: Mapping[str, invtrack.Plan], runs: Sequence[invtrack.RunResult], folder: RunFolder) -> None:
     in_mujoco = {run.name: run for run in runs if not run.name.endswith(LINEAR)}
     figures = papers_figures(plans, in_mujoco)
     for name, run in in_mujoco.items():
-        figures[f"preactuation_{name}"] = preactuation_figure(run, preactuation_time=cases[name]["preactuation_time"])
+        figures[f"preactuation_{name}"] = preactuation_figure(run)
     for name, figure in figures.items():
         save_figure(figure, folder.file(f"{name}.png"))
 

@@ -30,9 +30,7 @@ from two_disc.rig import SLEW, R, peak, rig, run, twist
 
 import invtrack
 from invtrack.errors import NonHyperbolicError
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.style import save_figure
-from invtrack.figures.tracking import tracking_figure
+from invtrack.figures import comparison_figure, save_figure, tracking_figure
 from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.redesign.pareto import outcome
 from invtrack.studies.folder import RunFolder
@@ -77,7 +75,7 @@ def main(options: SimOptions) -> None:
         model=", ".join(plant.name for plant in plants.values()),
         timestep=options.timestep,
         cases=cases,
-        zeros={name: _pairs(invtrack.zeros(model)) for name, model in models.items()},
+        zeros={name: _pairs(invtrack.linear.zeros(model)) for name, model in models.items()},
         moved_to=MOVED_TO,
         level=LEVEL,
         redesign_with_the_same_error={"r": R, "q_x": 0.0, "q_y": q_y},
@@ -121,7 +119,7 @@ def _refused(model: invtrack.StateSpace, reference: invtrack.PiecewiseSignal) ->
     except NonHyperbolicError as error:
         return {**dict.fromkeys(column.key for column in COLUMNS), "status": "refused", "reason": str(error)}
     raise invtrack.InvtrackError(
-        f"expected exact inversion of the passive rig to be refused, its zeros are {format_zeros(invtrack.zeros(model))}"
+        f"expected exact inversion of the passive rig to be refused, its zeros are {format_zeros(invtrack.linear.zeros(model))}"
     )
 
 
@@ -137,7 +135,7 @@ def _numbers(result: invtrack.RunResult, plan: invtrack.Plan) -> dict[str, Any]:
     late = result.time >= result.time[-1] - AT_THE_END
     return {
         **invtrack.metrics(result),
-        "first_above_1_percent": invtrack.preactuation_time(plan, level=LEVEL),
+        "first_above_1_percent": invtrack.results.preactuation_time(plan, level=LEVEL),
         "predicted_max_error": peak(result.planned_output.values - result.reference.values),
         "final_error": peak(result.error[late]),
         "input_left": peak(result.applied.values[late[:-1]]),
@@ -155,7 +153,7 @@ def _report(
     models: Mapping[str, invtrack.StateSpace], cases: Mapping[str, Mapping[str, Any]], remarks: Sequence[str], q_y: float
 ) -> None:
     for name, model in models.items():
-        print(f"{name} rig: zeros {format_zeros(invtrack.zeros(model))} [1/s]")
+        print(f"{name} rig: zeros {format_zeros(invtrack.linear.zeros(model))} [1/s]")
     print_table(f"Slew by {SLEW:g} rad in {DURATION:g} s, in MuJoCo", columns=COLUMNS, rows=cases)
     print(
         f"preactuation: since the input first exceeds {LEVEL:.0%} of its peak. final error, input left, twist left: the largest\n"

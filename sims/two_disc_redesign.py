@@ -21,9 +21,7 @@ from two_disc.rig import PUBLISHED, Q_TWIST, Q_Y, R, rig
 from two_disc.trade_off import draw_trade_off, report_trade_off, trade_off
 
 import invtrack
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.style import save_figure
-from invtrack.figures.tracking import tracking_figure
+from invtrack.figures import comparison_figure, save_figure, tracking_figure
 from invtrack.studies.folder import RunFolder
 from invtrack.studies.options import SimOptions, run_sim
 

@@ -44,8 +44,8 @@ def draw_line(axes: Axes, time: Array, values: Array, **look: Any) -> None:
 
 
 def draw_steps(axes: Axes, time: Array, values: Array, **look: Any) -> None:
-    """One channel that holds over the N steps between N + 1 times, as a staircase."""
-    held = np.append(values, values[-1:])
+    """One channel as a staircase: each value holds from its time until the next; a last time without a value ends the last step."""
+    held = np.append(values, values[-1:]) if len(values) < len(time) else values
     axes.plot(*envelope(time, held), drawstyle="steps-post", **look)
 
 
@@ -81,9 +81,9 @@ def shown_window(result: RunResult, window: tuple[float, float] | None) -> tuple
     return low, high
 
 
-def within(result: RunResult, window: tuple[float, float]) -> slice:
-    """The run's samples in `window`, with one more on either side so that lines reach the edges."""
-    first, last = np.searchsorted(result.time, window)
+def within(time: Array, window: tuple[float, float]) -> slice:
+    """The samples in `window`, with one more on either side so that lines reach the edges."""
+    first, last = np.searchsorted(time, window)
     return slice(max(int(first) - 1, 0), int(last) + 1)
 
 

@@ -12,10 +12,12 @@ import matplotlib
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from invtrack.files import replaced_when_complete
 
 DPI = 150
+PADDING = 0.06  # inches around each panel with its labels
 
 # Okabe and Ito's palette (2008), which stays distinct under the common colour-vision deficiencies, without its yellow, which is too
 # faint for a line.
@@ -60,8 +62,8 @@ def shared_style() -> AbstractContextManager[None]:
 
 
 def new_figure(title: str, *, width: float = 8.0, height: float) -> Figure:
-    """An empty figure of `width` x `height` inches whose panels keep clear of each other and of its title."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    """An empty figure of `width` x `height` inches whose panels keep clear of each other, of its title and of its edges."""
+    figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=PADDING, h_pad=PADDING))
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     return figure
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from invtrack.errors import RelativeDegreeError
 from invtrack.linear.scaling import balancing_scale
-from invtrack.linear.state_space import StateSpace
+from invtrack.linear.state_space import StateSpace, as_state_space
 
 Array = NDArray[np.float64]
 
@@ -49,19 +50,24 @@ class NormalForm:
         return F, G
 
 
-def relative_degree(system: StateSpace) -> tuple[int, ...]:
+def relative_degree(system: Any) -> tuple[int, ...]:
     """Vector relative degree (r_1, ..., r_p): how often each output must be differentiated until an input appears.
 
-    Raises RelativeDegreeError where an output is reached by no input, or where B_y (p, p) is singular or too ill-conditioned.
+    system: StateSpace, or anything with A, B, C, D.
+
+    Raises ModelError for a malformed model, RelativeDegreeError where an output is reached by no input, or where B_y (p, p) is
+    singular or too ill-conditioned.
     """
     return normal_form(system).relative_degree
 
 
-def normal_form(system: StateSpace) -> NormalForm:
+def normal_form(system: Any) -> NormalForm:
     """Normal form of `system`, internal coordinates orthonormal after balancing the states.
 
-    Raises RelativeDegreeError as `relative_degree` does.
+    system: StateSpace, or anything with A, B, C, D. Raises ModelError for a malformed model, RelativeDegreeError as
+    `relative_degree` does.
     """
+    system = as_state_space(system)
     degrees, star_rows, A_rows, B_rows = [], [], [], []
     scale = _state_units(system)
     for i in range(system.n_channels):

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
+import scipy  # loads scipy.optimize at its first use
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import TrajectoryError

@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.integrate
+import scipy  # loads scipy.integrate at its first use
 from numpy.typing import NDArray
 
 from invtrack.errors import RedesignError

@@ -94,7 +94,8 @@ def _held_still(problem: PlanningProblem) -> PlanningProblem:
         if np.any(np.abs(generator.S @ w) > AT_REST * np.abs(generator.S) @ np.abs(w)):
             raise TrajectoryError(
                 f"the reference goes on moving {when} its first and last breakpoint ({reference.manoeuvre}), for ever, so the cost "
-                "over all of time is infinite; hold it still there, for instance with invtrack.autonomous(..., start=, end=)"
+                "over all of time is infinite; hold it still there, for instance with "
+                "invtrack.references.autonomous(..., start=, end=)"
             )
         held = without_rounding(generator.R @ w, reference, y_0)
         kind[place] = len(generators)

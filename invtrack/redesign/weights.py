@@ -109,7 +109,7 @@ def real_weight(name: str, value: ArrayLike, size: int, *, meaning: str = "") ->
     if np.any(np.abs(matrix.imag) > SYMMETRY_TOLERANCE * np.abs(matrix)):
         raise RedesignError(
             f"a constant {name} must be real; a complex one has to be a function of frequency with {name}(-w) = conj {name}(w), "
-            "which invtrack.prefilter takes"
+            "which invtrack.redesign.prefilter takes"
         )
     return np.ascontiguousarray(matrix.real)
 

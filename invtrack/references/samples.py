@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy  # loads scipy.interpolate at its first use
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, make_interp_spline
 
 from invtrack.errors import FileError, TrajectoryError
 from invtrack.files import read_table
@@ -148,12 +148,13 @@ def _require_possible(count: int, degree: int, smoothness: int | None) -> int:
     return smoothness
 
 
-def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> BSpline:
+def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> scipy.interpolate.BSpline:
     half = (degree - 1) // 2
     orders = [*range(1, smoothness + 1), *range(half + 1, degree - smoothness)]
     conditions = [(order, np.zeros(y.shape[1])) for order in orders]
     try:
-        spline = make_interp_spline(t, y, k=degree, bc_type=(conditions, list(conditions)) if conditions else None)
+        ends = (conditions, list(conditions)) if conditions else None
+        spline = scipy.interpolate.make_interp_spline(t, y, k=degree, bc_type=ends)
     except np.linalg.LinAlgError:
         well_posed = False
     else:

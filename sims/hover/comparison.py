@@ -22,7 +22,7 @@ def inverse_poles(plan: invtrack.Plan) -> np.ndarray:
     if isinstance(plan, ModifiedTrajectory):
         modification = plan.modification[0]
         return np.concatenate([modification.zeros_after, modification.error_poles])
-    return invtrack.zeros(plan.model.systems[0])
+    return invtrack.linear.zeros(plan.model.systems[0])
 
 
 def decay_pair(plan: invtrack.Plan) -> complex:

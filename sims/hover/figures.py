@@ -9,7 +9,7 @@ from hover.aircraft import ATTITUDES, INPUTS, OUTPUTS, channel
 from matplotlib.figure import Figure
 
 import invtrack
-from invtrack.figures.comparison import Line, overlay_figure
+from invtrack.figures import Line, overlay_figure
 
 SAMPLES = 8001
 BEFORE, AFTER = 8.0, 10.0  # [s] shown around the manoeuvre

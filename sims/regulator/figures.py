@@ -8,11 +8,7 @@ import numpy as np
 from regulator import manoeuvre
 
 import invtrack
-from invtrack.figures.around import around_figure
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.curves import Decay, decay_figure
-from invtrack.figures.style import save_figure
-from invtrack.figures.tracking import tracking_figure
+from invtrack.figures import Decay, around_figure, comparison_figure, decay_figure, save_figure, tracking_figure
 from invtrack.studies.folder import RunFolder
 
 CLOSE_UPS = ("exact_map", "switched_francis", "switched_francis_from_exact_state")

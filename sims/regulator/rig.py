@@ -29,7 +29,7 @@ class Rig:
     masses: Sequence[float]
     model: invtrack.SwitchedSystem
     gains: invtrack.GainSchedule
-    maps: dict[str, invtrack.RegulationMap]
+    maps: dict[str, invtrack.regulation.RegulationMap]
     plan: invtrack.Plan
 
     @property
@@ -58,11 +58,11 @@ def rig(plant: invtrack.Plant, masses: Sequence[float], jumps: Sequence[float], 
     """The plant with these tip masses [kg], exchanged at `jumps` [s], and the exosystem running from 0 to `end` [s]."""
     linear = {mass: invtrack.linearize(plant, tip_mass=mass) for mass in dict.fromkeys(masses)}
     model = invtrack.SwitchedSystem([linear[mass] for mass in masses], jumps)
-    wanted = invtrack.exosystem(A_E, C_E, start=0.0, end=end)
+    wanted = invtrack.references.exosystem(A_E, C_E, start=0.0, end=end)
     maps = {
         "exact_map": invtrack.exosystem_map(model, wanted, tolerance=1e-11),
-        "switched_francis": invtrack.switched_francis(model, wanted),
-        "single_francis": invtrack.single_francis(model, wanted, interval=0),
+        "switched_francis": invtrack.regulation.switched_francis(model, wanted),
+        "single_francis": invtrack.regulation.single_francis(model, wanted, interval=0),
     }
     return Rig(plant, masses, model, invtrack.place(model, POLES), maps, maps["exact_map"].plan(X_E))
 

@@ -82,7 +82,7 @@ def _limited(
         limits=invtrack.Limits(input=(1 - MARGIN) * limit),
         tolerance=TOLERANCE,
     )
-    actuated = invtrack.with_input_limits(plant, {"motor": limit})
+    actuated = invtrack.plant.with_input_limits(plant, {"motor": limit})
     result = run(actuated, invtrack.TrackingController(plan, gains), "redesigned_limited", timestep)
     return {
         "input_limit": limit,

@@ -89,7 +89,7 @@ def drive(
     values["disc2_mass"] *= real.disc2_inertia
     values["shaft_stiffness"] *= real.stiffness
     return run(
-        invtrack.with_coupling_scaled(plant, "velocity_coupling", real.coupling),
+        invtrack.plant.with_coupling_scaled(plant, "velocity_coupling", real.coupling),
         controller,
         name,
         timestep,

@@ -18,7 +18,7 @@ from two_disc.experiment import DRAWN, RIGS, controller, drive
 from two_disc.rig import MARGIN, TOLERANCE, TWIST, clamped_steps, peak, run, slew, twist
 
 import invtrack
-from invtrack.figures.comparison import overlay_figure
+from invtrack.figures import overlay_figure
 from invtrack.redesign.constrained import ConstrainedTrajectory
 from invtrack.redesign.pareto import outcome
 from invtrack.studies.table import Column, print_table
@@ -87,7 +87,7 @@ def limited_slew(plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtr
         "redesigned": invtrack.quadratic_redesign(model, reference, **WEIGHTS, tolerance=TOLERANCE),
         "redesigned_limited": limited,
     }
-    actuated = invtrack.with_input_limits(plant, {"motor": INPUT})
+    actuated = invtrack.plant.with_input_limits(plant, {"motor": INPUT})
     runs = {"redesigned_limited": run(actuated, invtrack.TrackingController(limited, gains), "redesigned_limited", timestep)}
     with warnings.catch_warnings():
         # That these plans exceed the actuator is the point: the first by design, the second by what noise adds.

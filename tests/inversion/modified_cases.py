@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from invtrack.linear.internal_dynamics import zeros
 from invtrack.linear.state_space import StateSpace
+from invtrack.linear.zeros import zeros
 from invtrack.references.profiles import piecewise_polynomial
 from tests.cited_plants import HE3_A, HE3_B, HE3_C, TWO_DISC_A, TWO_DISC_B, TWO_DISC_C
 

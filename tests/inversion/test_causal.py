@@ -8,9 +8,9 @@ import pytest
 from invtrack.errors import NonHyperbolicError, PlanError
 from invtrack.inversion.causal import causal_inverse
 from invtrack.inversion.exact import invert
-from invtrack.linear.internal_dynamics import zeros
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
+from invtrack.linear.zeros import zeros
 from invtrack.references.profiles import rest_to_rest
 from tests.inversion.modified_cases import PASSIVE_TWO_DISC, TWO_DISC
 from tests.linear.random_plants import block, plant_with

@@ -206,9 +206,9 @@ def test_dropping_leaves_the_model_of_what_is_kept() -> None:
 def sidestep(plant: invtrack.Plant, **options: Any) -> invtrack.RunResult:
     """A run of two seconds, sideways and down, started somewhere else than at rest."""
     model = invtrack.linearize(plant)
-    still = invtrack.constant(0.0)
+    still = invtrack.references.constant(0.0)
     wanted = invtrack.rest_to_rest(0.0, 0.5, 2.0)
-    plan = invtrack.invert(model, invtrack.stack([still, wanted, wanted, still]), max_preactuation=0.5)
+    plan = invtrack.invert(model, invtrack.references.stack([still, wanted, wanted, still]), max_preactuation=0.5)
     controller = invtrack.TrackingController(plan, invtrack.lqr(model, Q=1.0, R=1.0))
     return invtrack.simulate(plant, controller, timestep=0.01, end=2.0, initial_state=0.05 * np.ones(8), **options)
 
@@ -235,7 +235,7 @@ def test_simulation_runs_the_whole_body_and_shows_the_kept_states(evaluate: Any)
 def test_initial_state_has_the_kept_states() -> None:
     plant = helicopter()
     model = invtrack.linearize(plant)
-    plan = invtrack.invert(model, invtrack.stack([invtrack.rest_to_rest(0.0, 0.0, 1.0)] * 4))
+    plan = invtrack.invert(model, invtrack.references.stack([invtrack.rest_to_rest(0.0, 0.0, 1.0)] * 4))
     with pytest.raises(SimulationError, match=r"initial_state has shape \(12,\), expected \(8,\): helicopter.rx"):
         invtrack.simulate(plant, invtrack.TrackingController(plan), initial_state=np.zeros(12))
 

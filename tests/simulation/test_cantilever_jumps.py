@@ -52,7 +52,7 @@ def test_the_feedback_has_nothing_to_do(rig: Rig, run: invtrack.RunResult) -> No
     feedforward = rig.plan(run.time[:-1] + np.diff(run.time) / 2).u
     effort = run.commanded.values - feedforward
     assert np.max(np.abs(effort)) <= 1e-6 * np.max(np.abs(feedforward))
-    assert invtrack.peak_input(run) == pytest.approx(268, abs=1)
+    assert invtrack.results.peak_input(run) == pytest.approx(268, abs=1)
 
 
 def test_continuous_hold_is_exact_to_what_the_preactuation_leaves(rig: Rig) -> None:

@@ -79,7 +79,7 @@ def test_saturation_is_the_actuators_and_both_inputs_are_kept(tmp_path: Path) ->
     plant = oscillator(tmp_path, limits='ctrllimited="true" ctrlrange="-5 5"')
     with pytest.warns(RuntimeWarning, match=r"the plan needs force from -4\.145 to 12\.14 N, its actuator passes on -5 to 5"):
         result = invtrack.simulate(plant, invtrack.TrackingController(plan(plant)), timestep=1e-3, end=2.0)
-    assert invtrack.peak_input(result) == 5.0
+    assert invtrack.results.peak_input(result) == 5.0
     assert np.max(np.abs(result.commanded.values)) > 10
     assert invtrack.max_error(result) > 0.1
 

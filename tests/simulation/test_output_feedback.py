@@ -146,7 +146,7 @@ def test_limits_of_a_linear_plant(rig: Rig) -> None:
     linear = invtrack.LinearPlant(rig.model, input_limits=[[-100.0, 100.0]])
     with pytest.warns(RuntimeWarning, match=r"needs base_force from -268\.\d to 215\.\d"):
         result = run(rig, linear, rig.controller)
-    assert invtrack.peak_input(result) == 100.0
+    assert invtrack.results.peak_input(result) == 100.0
 
 
 def test_switch_times_of_the_linear_plant_are_its_own(rig: Rig) -> None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.fft
+import scipy  # loads scipy.fft and scipy.interpolate at their first use
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from invtrack.errors import TrajectoryError
 from invtrack.references.signal import Generator, PiecewiseSignal
@@ -103,7 +102,7 @@ class FourierWindow:
         inside = np.clip(times, self.start, self.end)
         first, last = np.searchsorted(grid, [inside.min(), inside.max()])
         kept = slice(max(int(first) - SPLINE_MARGIN, 0), int(last) + SPLINE_MARGIN)
-        spline = make_interp_spline(grid[kept], samples[kept], k=5)
+        spline = scipy.interpolate.make_interp_spline(grid[kept], samples[kept], k=5)
         return np.asarray(spline(inside))
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator
 from numpy.typing import NDArray
 
 from invtrack.errors import InvtrackError
@@ -18,6 +19,7 @@ Curves = Mapping[str, Sequence[float]]
 
 INCHES_PER_PANEL = 1.9
 MARKERS = ("o", "s", "^", "D", "v", "P")
+DECADES_DIVIDED = 2.5  # a logarithmic axis over no more than these has labels at 2 and 5, too
 NOTE_OFFSET = 5.0  # points between a point and its note
 
 
@@ -53,6 +55,10 @@ def trade_off_figure(
         for axes, (quantity, curves) in zip(all_axes, panels, strict=True):
             if horizontal_log:
                 axes.set_xscale("log")
+                axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+                axes.xaxis.set_minor_formatter(
+                    LogFormatterSciNotation(labelOnlyBase=False, minor_thresholds=(DECADES_DIVIDED,) * 2)
+                )
             if vertical_log:
                 axes.set_yscale("log")
             for name, curve in curves.items():
@@ -61,6 +67,7 @@ def trade_off_figure(
             axes.margins(x=0.06, y=0.12)
             _mark_notes(axes, values, curves, notes, written=axes is all_axes[0])
         all_axes[-1].set_xlabel(label)
+        figure.align_ylabels()
         if len(names) > 1:
             handles = {text: handle for axes in all_axes for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
             figure.legend(list(handles.values()), list(handles), loc="outside lower left", ncols=4)
