@@ -5,6 +5,7 @@
 Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, and the papers in it.
 """
 
+from invtrack.channels import Channels
 from invtrack.control.exosystem_controller import ExosystemController
 from invtrack.control.exosystem_observer import ExosystemObserver
 from invtrack.control.gains import GainSchedule, lqr, place
@@ -77,6 +78,7 @@ __all__ = [
     "BodyMass",
     "Certificate",
     "Change",
+    "Channels",
     "Event",
     "Exosystem",
     "ExosystemController",

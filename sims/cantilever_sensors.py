@@ -66,11 +66,11 @@ def main(options: SimOptions) -> None:
     lowest, highest = plan.input_range
     limits = plant.input_limits[0]
     print(
-        f"plan: {plant.input_names[0]} from {lowest[0]:.1f} to {highest[0]:.1f} {plant.input_units[0]}; the actuator passes on "
+        f"plan: {plant.inputs.names[0]} from {lowest[0]:.1f} to {highest[0]:.1f} {plant.inputs.units[0]}; the actuator passes on "
         f"{limits[0]:g} to {limits[1]:g}; start {-plan.start:.1f} s before the manoeuvre"
     )
     schedule = [invtrack.Change(t, tip_mass=mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)]
-    linear = invtrack.LinearPlant(model, like=plant)
+    linear = invtrack.LinearPlant(model, input_limits=plant.input_limits)
     cases: dict[str, dict[str, Any]] = {}
     runs = []
     for case in _cases(model, plan):

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
+from invtrack.channels import Channels
 from invtrack.errors import FileError, InvtrackError
 from invtrack.figures.comparison import comparison_figure
 from invtrack.figures.panels import envelope, parameter_intervals
@@ -52,7 +53,7 @@ def test_parameter_intervals_meet_at_the_jump(run: RunResult) -> None:
         (pytest.approx(JUMP), run.time[-1], "tip_mass = 100 kg"),
     ]
     assert len(parameter_intervals(two_mode_run(tip_masses=(5.0, 5.0)))) == 1
-    assert parameter_intervals(replace(run, parameters=Signal(np.zeros((len(run.time) - 1, 0)), (), ()))) == []
+    assert parameter_intervals(replace(run, parameters=Signal(np.zeros((len(run.time) - 1, 0)), Channels()))) == []
 
 
 @settings(max_examples=25, deadline=None)
@@ -117,7 +118,7 @@ def test_windows_and_runs_that_do_not_fit_are_refused(run: RunResult) -> None:
             tracking_figure(run, window=window)
     with pytest.raises(InvtrackError, match="at least one run"):
         comparison_figure([])
-    other = replace(run, name="rig", applied=replace(run.applied, units=("N m",)))
+    other = replace(run, name="rig", applied=replace(run.applied, channels=Channels(run.applied.channels.names, ["N m"])))
     with pytest.raises(InvtrackError, match=r"'rig' has the applied channels base_force \[N m\], expected .* \[N\]"):
         comparison_figure([run, other])
 

@@ -34,7 +34,7 @@ def with_observer(rig: Rig, **options: object) -> invtrack.OutputFeedbackControl
 
 
 def test_linear_model_predicts_the_physics(rig: Rig) -> None:
-    linear = invtrack.LinearPlant(rig.model, like=rig.plant)
+    linear = invtrack.LinearPlant(rig.model, input_limits=rig.plant.input_limits)
     noise = {
         "tip_position": invtrack.Sensor(noise=1e-3, quantization=1e-4),
         "base_position": invtrack.Sensor(noise=1e-3, delay=0.015),
@@ -45,7 +45,7 @@ def test_linear_model_predicts_the_physics(rig: Rig) -> None:
         prediction = run(rig, linear, controller, sensors=sensors)
         assert np.array_equal(physics.time, prediction.time)
         np.testing.assert_allclose(physics.output.values, prediction.output.values, atol=1e-6)
-        assert (physics.output.names, physics.output.units) == (prediction.output.names, prediction.output.units)
+        assert physics.output.channels == prediction.output.channels
 
 
 def test_linear_plant_tracks_to_the_same_order(rig: Rig) -> None:
@@ -127,7 +127,7 @@ def test_sensor_values_are_recorded_and_read_back(rig: Rig, tmp_path: Path) -> N
     )
     digits = result.measured["tip_position"] / 1e-3
     np.testing.assert_allclose(digits, np.rint(digits), atol=1e-9)
-    assert result.measured.units == ("m", "m")
+    assert result.measured.channels.units == ("m", "m")
     invtrack.save_recording(result, tmp_path / "run.rrd")
     assert invtrack.load_recording(tmp_path / "run.rrd")["run"].equals(result)
 
