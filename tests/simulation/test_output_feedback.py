@@ -24,8 +24,6 @@ def rig() -> Rig:
 def run(rig: Rig, plant: invtrack.Plant | invtrack.LinearPlant, controller: object, **options: object) -> invtrack.RunResult:
     settings: dict[str, object] = {"timestep": 2e-3, "start": START, "end": STOP, **options}
     settings.setdefault("initial_state", rig.plan(START).x[0])
-    if plant is rig.plant:
-        settings.setdefault("schedule", rig.schedule)
     return invtrack.simulate(plant, controller, **settings)  # type: ignore[arg-type]
 
 
@@ -151,7 +149,7 @@ def test_limits_of_a_linear_plant(rig: Rig) -> None:
 
 def test_switch_times_of_the_linear_plant_are_its_own(rig: Rig) -> None:
     late = invtrack.LinearPlant(invtrack.SwitchedSystem(rig.model.systems, [t + 0.05 for t in JUMPS]))
-    physics = run(rig, rig.plant, rig.controller, schedule=[invtrack.Change(c.time + 0.05, **c.parameters) for c in rig.schedule])
+    physics = run(rig, rig.plant, rig.controller, schedule=[invtrack.Change(t + 0.05, **values) for t, values in rig.plan.schedule])
     prediction = run(rig, late, rig.controller)
     assert invtrack.max_error(prediction) == pytest.approx(invtrack.max_error(physics), rel=1e-4)
     assert invtrack.max_error(physics) > 1e-3
