@@ -9,6 +9,10 @@ class InvtrackError(Exception):
     """Base of all errors that invtrack raises on purpose."""
 
 
+class ChannelError(InvtrackError, ValueError):
+    """Names or units of channels do not fit each other, or no channel has the name that is asked for."""
+
+
 class ModelError(InvtrackError, ValueError):
     """A linear model is malformed: wrong shapes, names, or numbers that are not finite."""
 

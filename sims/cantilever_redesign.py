@@ -74,6 +74,7 @@ def main(options: SimOptions) -> None:
     controllers = _controllers(rig)
     best = controllers["redesigned"].plan
     start = min(controller.plan.start for controller in controllers.values())
+    schedule = [invtrack.Change(t, tip_mass=mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)]
     runs = []
     for name, controller in controllers.items():
         with progress(name) as report:
@@ -81,7 +82,7 @@ def main(options: SimOptions) -> None:
                 invtrack.simulate(
                     rig.plant,
                     controller,
-                    schedule=[invtrack.Change(t, tip_mass=mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)],
+                    schedule=schedule,  # also where the plan was made for one mass only
                     timestep=options.timestep,
                     start=start,
                     name=name,

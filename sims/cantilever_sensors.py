@@ -7,7 +7,7 @@ and the tip's position through imperfect sensors; an observer estimates the othe
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -64,16 +64,15 @@ def main(options: SimOptions) -> None:
     lowest, highest = plan.input_range
     limits = plant.input_limits[0]
     print(
-        f"plan: {plant.input_names[0]} from {lowest[0]:.1f} to {highest[0]:.1f} {plant.input_units[0]}; the actuator passes on "
+        f"plan: {plant.inputs.names[0]} from {lowest[0]:.1f} to {highest[0]:.1f} {plant.inputs.units[0]}; the actuator passes on "
         f"{limits[0]:g} to {limits[1]:g}; start {-plan.start:.1f} s before the manoeuvre"
     )
-    schedule = [invtrack.Change(t, tip_mass=mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)]
-    linear = invtrack.LinearPlant(model, like=plant)
+    linear = invtrack.LinearPlant(model, input_limits=plant.input_limits)
     cases: dict[str, dict[str, Any]] = {}
     runs = []
     for case in _cases(model, plan):
-        measured = _run(plant, case, options.timestep, schedule)
-        predicted = _run(linear, case, options.timestep, ())
+        measured = _run(plant, case, options.timestep)
+        predicted = _run(linear, case, options.timestep)
         cases[case.name] = _numbers(measured, predicted)
         runs.append(measured)
     print_table("Cantilever with tip-mass jumps: prediction and physics", columns=COLUMNS, rows=cases)
@@ -121,14 +120,11 @@ def _cases(model: invtrack.SwitchedSystem, plan: invtrack.Plan) -> list[Case]:
     ]
 
 
-def _run(
-    plant: invtrack.Plant | invtrack.LinearPlant, case: Case, timestep: float, schedule: Sequence[invtrack.Change]
-) -> invtrack.RunResult:
+def _run(plant: invtrack.Plant | invtrack.LinearPlant, case: Case, timestep: float) -> invtrack.RunResult:
     with progress(f"{case.name}, {plant.name}") as report:
         return invtrack.simulate(
             plant,
             case.controller,
-            schedule=schedule,
             timestep=timestep,
             sensors=case.sensors,
             name=case.name,

@@ -84,7 +84,7 @@ def _runs(
     runs = []
     for name, plan in plans.items():
         controller = invtrack.TrackingController(plan, gains)
-        for suffix, mechanism in (("", plant), (LINEAR, invtrack.LinearPlant(model, like=plant))):
+        for suffix, mechanism in (("", plant), (LINEAR, invtrack.LinearPlant(model, input_limits=plant.input_limits))):
             with progress(name + suffix) as report:
                 run = invtrack.simulate(
                     mechanism,

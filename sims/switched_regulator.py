@@ -33,7 +33,7 @@ def main(options: SimOptions) -> None:
     many = long_run.long_rig(plant)
     long_runs, long_cases = long_run.long_run(many, options.timestep)
     rate = long_run.rate_through_jumps(many)
-    long_run.report(long_cases, len(many.schedule), rate)
+    long_run.report(long_cases, len(many.plan.schedule), rate)
     for run in (*runs, *long_runs):
         invtrack.save_recording(run.thinned(options.record_every), folder.file(f"{run.name}.rrd"))
     if options.figures:
@@ -48,7 +48,7 @@ def main(options: SimOptions) -> None:
         estimate_decay=decay,
         closed_loop_poles=[[pole.real, pole.imag] for pole in POLES],
         start=paper.plan.start,
-        long_run={"cycles": long_run.CYCLES, "jumps": len(many.schedule), "rate_through_jumps": rate},
+        long_run={"cycles": long_run.CYCLES, "jumps": len(many.plan.schedule), "rate_through_jumps": rate},
     )
     print(
         f"written to {folder.path}: summary.json, a recording (.rrd) of each case" + (", figures (.png)" if options.figures else "")

@@ -91,10 +91,10 @@ class ExosystemController(PlanFollower):
         self._require_fit()
 
     def _require_fit(self) -> None:
-        mine, plans = self._regulation.model.systems[0], self.plan.model.systems[0]
-        for kind in ("state_names", "input_names", "output_names"):
-            if getattr(mine, kind) != getattr(plans, kind):
-                raise ControlError(f"the map has {kind} {list(getattr(mine, kind))}, the plan {list(getattr(plans, kind))}")
+        mine, plans = self._regulation.model, self.plan.model
+        for kind in ("states", "inputs", "outputs"):
+            if not getattr(mine, kind).fits(getattr(plans, kind)):
+                raise ControlError(f"the map has the {kind} {getattr(mine, kind)}, the plan has {getattr(plans, kind)}")
         edges = np.unique(np.concatenate([self._regulation.breakpoints, self.plan.breakpoints]))
         times = np.concatenate([edges[:1] - 1.0, (edges[:-1] + edges[1:]) / 2, edges[-1:] + 1.0])
         wanted = self.plan.reference(times) - plans.operating_point.y0

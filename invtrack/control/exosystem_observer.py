@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from invtrack.channels import Channels
 from invtrack.control.observer import Observer
 from invtrack.control.protocol import Instants, Segments
 from invtrack.errors import ControlError
@@ -76,7 +77,7 @@ class ExosystemObserver:
         M = np.zeros((q, p))
         if not self._silent[k]:
             # As inputs, so that a Kalman filter's noise may act on every state.
-            seen = Measurement(C, np.zeros((p, q)), tuple(f"y_d{i + 1}" for i in range(p)), np.zeros(p))
+            seen = Measurement(C, np.zeros((p, q)), Channels.numbered("y_d", p), np.zeros(p))
             M = self.observer.gain(StateSpace(A, np.eye(q), np.eye(q), measurement=seen), length)
         transition = np.eye(q)
         for interval, duration in hold:

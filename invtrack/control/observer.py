@@ -81,7 +81,7 @@ class KalmanFilter:
 def measured(system: StateSpace) -> Any:
     """The system's measurement, if an observer can use it. Raises ControlError where the input acts on it at once."""
     if np.any(system.measurement.D):
-        through = [name for name, row in zip(system.measurement.names, system.measurement.D, strict=True) if np.any(row)]
+        through = [name for name, row in zip(system.measurement.channels.names, system.measurement.D, strict=True) if np.any(row)]
         raise ControlError(f"measurements {through} depend on the input at once (accelerations?); measure positions or velocities")
     return system.measurement
 

@@ -75,8 +75,9 @@ def line_looks(count: int) -> list[dict[str, str]]:
 
 
 def label(name: str, unit: str) -> str:
-    """A channel's name with its unit, "tip position [m]"."""
-    return f"{name.replace('_', ' ')} [{unit}]"
+    """A channel's name with its unit, "tip position [m]"; the name alone where the unit is not known."""
+    words = name.replace("_", " ")
+    return f"{words} [{unit}]" if unit else words
 
 
 def write(axes: Axes, text: str, at: tuple[float, float], coordinates: Any, offset: tuple[float, float], **look: Any) -> None:
@@ -86,8 +87,8 @@ def write(axes: Axes, text: str, at: tuple[float, float], coordinates: Any, offs
 
 
 def join_units(units: Sequence[str]) -> str:
-    """The distinct units of several channels, in their order."""
-    return ", ".join(dict.fromkeys(units))
+    """The distinct units of several channels, in their order; "?" for one that is not known."""
+    return ", ".join(dict.fromkeys(unit or "?" for unit in units))
 
 
 def save_figure(figure: Figure, path: str | Path) -> Path:

@@ -58,6 +58,14 @@ class Plan:
         )
 
     @property
+    def schedule(self) -> tuple[tuple[float, dict[str, float]], ...]:
+        """When which physical parameters take other values: (time [s], {name: new value}), as the model switches.
+
+        The values before the first change are `model.parameters`; empty where the models do not know what they hold for.
+        """
+        return self.model.schedule
+
+    @property
     def start(self) -> float:
         """Time [s] at which the plan leaves rest: T_i - preactuation."""
         return self.manoeuvre[0] - self.preactuation

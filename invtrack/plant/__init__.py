@@ -2,7 +2,6 @@
 
 from invtrack.plant.change import Change
 from invtrack.plant.configuration import Configuration
-from invtrack.plant.elements import Channel
 from invtrack.plant.linearize import linearize
 from invtrack.plant.loading import model_path
 from invtrack.plant.parameters import BodyMass, JointDamping, JointStiffness, Parameter, TendonDamping, TendonStiffness
@@ -12,7 +11,6 @@ from invtrack.plant.variants import with_coupling_scaled, with_input_limits
 __all__ = [
     "BodyMass",
     "Change",
-    "Channel",
     "Configuration",
     "JointDamping",
     "JointStiffness",

@@ -106,7 +106,7 @@ def _outputs(runs: Sequence[RunResult], interval: tuple[float, float]) -> list[r
                 paths.append(unit_path(run.name, "reference", unit))
             if not _same(run.planned_output, run.reference):
                 paths.append(unit_path(run.name, "planned_output", unit))
-            if unit in run.measured.units:
+            if unit in run.measured.channels.units:
                 paths.append(unit_path(run.name, "measured", unit))
         paths += _event_lines(runs[0], "output", unit)
         views.append(_plot(f"Output and reference [{unit}]", paths, interval))
@@ -141,7 +141,7 @@ def _states(run: RunResult, interval: tuple[float, float], *, several: bool) -> 
     for unit, channels in channels_by_unit(run.state).items():
         wanted = run.state_reference.values[:, channels]
         names = ["state", "state_reference"] if np.any(np.isfinite(wanted)) else ["state"]
-        names += ["estimate"] if run.estimate.names else []
+        names += ["estimate"] if run.estimate.channels.names else []
         views.append(_plot(f"{title} [{unit}]", [unit_path(run.name, name, unit) for name in names], interval))
     return views
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 from rerun.error_utils import RerunWarning
 
+from invtrack.channels import Channels
 from invtrack.errors import RecordingError
 from invtrack.recording.layout import ARCHETYPE, FORMAT, HELD, SAMPLED, STEP, channels_by_unit, entity_path, unit_path
 from invtrack.results.result import Array, Event, RunResult, Signal
@@ -63,8 +64,8 @@ def _run(header: dict[str, Any], chunks: dict[str, list[Chunk]], source: str | P
 
     def signal(name: str) -> Signal:
         stored = header["signals"][name]
-        names, units = tuple(stored["names"]), tuple(stored["units"])
-        result = Signal(np.empty((stored["rows"], len(names))), names, units)
+        labelled = Channels(stored["names"], stored["units"])
+        result = Signal(np.empty((stored["rows"], len(labelled))), labelled)
         for unit, channels in channels_by_unit(result).items():
             result.values[:, channels] = rows(unit_path(case, name, unit), (stored["rows"], len(channels)))
         return result

@@ -179,7 +179,7 @@ def _size_factors(result: RunResult, model: mujoco.MjModel) -> dict[int, _SizeCh
     sizes: dict[int, _SizeChanges] = {}
     for parameter, name in result.parameter_bodies.items():
         body, column = _parameter_of(result, model, parameter, name)
-        if result.parameters.units[column] != "kg" or body in sizes:
+        if result.parameters.channels.units[column] != "kg" or body in sizes:
             continue
         masses = np.maximum(result.parameters.values[:, column], 0.0)
         samples = _changes(result.parameters.values[:, column])
@@ -221,7 +221,7 @@ def _send_labels(recording: rr.RecordingStream, result: RunResult, model: mujoco
         path = entity_path(*root, "bodies", name, f"{parameter}_label")
         dot = rr.Points3D([place], radii=[1e-3 * reach], colors=[LABEL_COLOR], show_labels=True)
         recording.log(path, dot, static=True, strict=True)
-        values, unit = result.parameters.values[:, column], result.parameters.units[column]
+        values, unit = result.parameters.values[:, column], result.parameters.channels.units[column]
         samples = _changes(values)
         labels = rr.Points3D.columns(labels=[f"{parameter} = {value:.6g} {unit}" for value in values[samples]])
         rr.send_columns(path, time_columns(samples, result.time[samples]), labels, recording=recording, strict=True)
@@ -229,12 +229,12 @@ def _send_labels(recording: rr.RecordingStream, result: RunResult, model: mujoco
 
 def _parameter_of(result: RunResult, model: mujoco.MjModel, parameter: str, body: str) -> tuple[int, int]:
     """Number of the body, and column of the parameter."""
-    if parameter not in result.parameters.names:
-        known = ", ".join(result.parameters.names)
+    if parameter not in result.parameters.channels.names:
+        known = ", ".join(result.parameters.channels.names)
         raise RecordingError(f"case {result.name!r} has no parameter {parameter!r}; there are: {known}")
     bodies = [body_name(model, number) for number in range(model.nbody)]
     if body not in bodies:
         raise RecordingError(
             f"no body {body!r}, to which parameter {parameter!r} belongs, in the model; it has: {', '.join(bodies)}"
         )
-    return bodies.index(body), result.parameters.names.index(parameter)
+    return bodies.index(body), result.parameters.channels.index(parameter)

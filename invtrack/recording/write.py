@@ -113,7 +113,7 @@ def metadata(run: RunResult, number: int) -> dict[str, Any]:
         "qpos_shape": run.qpos.shape,
         "samples": run.time.size,
         "signals": {
-            name: {"rows": signal.values.shape[0], "names": signal.names, "units": signal.units}
+            name: {"rows": signal.values.shape[0], "names": signal.channels.names, "units": signal.channels.units}
             for name, signal in ((name, getattr(run, name)) for name in SAMPLED + HELD)
         },
     }

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
+from invtrack.channels import Channels
 from invtrack.errors import FileError
 from invtrack.figures import save_figure, tracking_figure
 from invtrack.figures.panels import envelope, parameter_intervals, within
@@ -27,7 +28,7 @@ def test_parameter_intervals_meet_at_the_jump() -> None:
         (pytest.approx(JUMP), run.time[-1], "tip_mass = 100 kg"),
     ]
     assert len(parameter_intervals(two_mode_run(tip_masses=(5.0, 5.0)))) == 1
-    assert parameter_intervals(replace(run, parameters=Signal(np.zeros((len(run.time) - 1, 0)), (), ()))) == []
+    assert parameter_intervals(replace(run, parameters=Signal(np.zeros((len(run.time) - 1, 0)), Channels()))) == []
 
 
 @settings(max_examples=25, deadline=None)

@@ -18,7 +18,7 @@ from invtrack.references.signal import Generator, PiecewiseSignal
 from tests.cited_plants import cantilever_paper
 from tests.linear.random_plants import block, plant_with
 
-CANTILEVER = StateSpace(*cantilever_paper(0.0), output_names=["tip"])
+CANTILEVER = StateSpace(*cantilever_paper(0.0), outputs=["tip"])
 ALL_PASS = StateSpace([[-2.0]], [[1.0]], [[-3.0]], [[1.0]])  # (s - 1)/(s + 2)
 
 

@@ -116,4 +116,4 @@ def test_units_of_tendons_over_hinges_are_those_of_rotation() -> None:
     plant = invtrack.Plant.from_xml(
         invtrack.model_path("two_disc"), inputs=["motor"], outputs=["disc2_angle"], measurements=["twist"]
     )
-    assert (plant.input_units, plant.output_units, plant.measurement_units) == (("N m",), ("rad",), ("rad",))
+    assert (plant.inputs.units, plant.outputs.units, plant.measurements.units) == (("N m",), ("rad",), ("rad",))
