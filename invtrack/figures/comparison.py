@@ -29,9 +29,9 @@ def comparison_figure(results: Sequence[RunResult], *, window: tuple[float, floa
     window = shown_window(first, window)
     inputs = first.applied
     with shared_style():
-        height = 3.0 + INCHES_PER_INPUT * len(inputs.names)
+        height = 3.0 + INCHES_PER_INPUT * len(inputs.channels)
         figure = new_figure(f"{first.model}: tracking error and input", width=8.5, height=height)
-        heights = [1.6, *[1.0] * len(inputs.names)]
+        heights = [1.6, *[1.0] * len(inputs.channels)]
         panels = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=heights)[:, 0].tolist()
         _draw_column(panels, results, window, labelled=True)
         _label_rows(panels, first)
@@ -56,9 +56,9 @@ def around_figure(results: Sequence[RunResult], *, times: Mapping[str, float], b
     windows = {name: shown_window(first, (time - before, time + after)) for name, time in times.items()}
     inputs = first.applied
     with shared_style():
-        size = {"width": 1.2 + INCHES_PER_MOMENT * len(times), "height": 3.2 + INCHES_PER_INPUT * len(inputs.names)}
+        size = {"width": 1.2 + INCHES_PER_MOMENT * len(times), "height": 3.2 + INCHES_PER_INPUT * len(inputs.channels)}
         figure = new_figure(f"{first.model}: tracking error and input around {', '.join(times)}", **size)
-        heights = [1.5, *[1.0] * len(inputs.names)]
+        heights = [1.5, *[1.0] * len(inputs.channels)]
         panels = figure.subplots(len(heights), len(times), sharex="col", sharey="row", squeeze=False, height_ratios=heights)
         limits = []
         for column, (name, window) in zip(panels.T, windows.items(), strict=True):
@@ -93,8 +93,8 @@ def _draw_column(
 
 
 def _label_rows(column: Sequence[Axes], first: RunResult) -> None:
-    column[0].set_ylabel(f"$|y - y_d|$ [{join_units(first.output.units)}]")
-    for axes, name, unit in zip(column[1:], first.applied.names, first.applied.units, strict=True):
+    column[0].set_ylabel(f"$|y - y_d|$ [{join_units(first.output.channels.units)}]")
+    for axes, name, unit in zip(column[1:], first.applied.channels.names, first.applied.channels.units, strict=True):
         axes.set_ylabel(label(name, unit))
 
 
@@ -106,9 +106,9 @@ def _same_plant(results: Sequence[RunResult]) -> RunResult:
     for other in results[1:]:
         for what in ("output", "applied"):
             mine, theirs = getattr(first, what), getattr(other, what)
-            if (mine.names, mine.units) != (theirs.names, theirs.units):
+            if mine.channels != theirs.channels:
                 raise InvtrackError(
-                    f"run {other.name!r} has the {what} channels {', '.join(theirs.names)} [{join_units(theirs.units)}], expected "
-                    f"those of {first.name!r}, {', '.join(mine.names)} [{join_units(mine.units)}]; compare runs of one plant"
+                    f"run {other.name!r} has the {what} channels {', '.join(theirs.channels.names)} [{join_units(theirs.channels.units)}], expected "
+                    f"those of {first.name!r}, {', '.join(mine.channels.names)} [{join_units(mine.channels.units)}]; compare runs of one plant"
                 )
     return first

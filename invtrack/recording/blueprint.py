@@ -179,7 +179,7 @@ def _event_lines(run: RunResult, signal: str, unit: str) -> list[str]:
 
 
 def _units(runs: Sequence[RunResult], signal: str) -> list[str]:
-    return list(dict.fromkeys(unit for run in runs for unit in getattr(run, signal).units))
+    return list(dict.fromkeys(unit for run in runs for unit in getattr(run, signal).channels.units))
 
 
 def _same(one: Signal, other: Signal) -> bool:

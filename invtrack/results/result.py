@@ -109,7 +109,7 @@ class RunResult:
     def __repr__(self) -> str:
         """What it is, without its arrays."""
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s in {len(self.time) - 1} steps" if len(self.time) else "no samples"
-        return f"<RunResult {self.name!r} of {self.model!r}: {self.status}, {span}, outputs {list(self.output.names)}>"
+        return f"<RunResult {self.name!r} of {self.model!r}: {self.status}, {span}, outputs {list(self.output.channels.names)}>"
 
     @property
     def error(self) -> Array:
