@@ -61,7 +61,7 @@ def lqr(model: Any, *, Q: ArrayLike, R: ArrayLike) -> GainSchedule:
             X = scipy.linalg.solve_continuous_are(system.A, system.B, state_weight, input_weight)
         except (np.linalg.LinAlgError, ValueError) as error:
             raise ControlError(
-                f"no LQR gain: {error}; a mode that the inputs {list(system.input_names)} cannot move, or that Q does not "
+                f"no LQR gain: {error}; a mode that the inputs {list(system.inputs.names)} cannot move, or that Q does not "
                 "weigh, lies on or right of the imaginary axis"
             ) from error
         return np.asarray(np.linalg.solve(input_weight, system.B.T @ X))
@@ -92,7 +92,7 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
         miss = max(distance.min(axis=0).max(), distance.min(axis=1).max())
         if miss > POLE_TOLERANCE * np.max(np.abs(wanted)):
             raise ControlError(
-                f"poles cannot be placed: they are missed by {miss:.1e}, so the inputs {list(system.input_names)} cannot move "
+                f"poles cannot be placed: they are missed by {miss:.1e}, so the inputs {list(system.inputs.names)} cannot move "
                 "every mode, or the poles lie too far from those of the plant"
             )
         return K

@@ -31,9 +31,9 @@ def around_figure(results: Sequence[RunResult], *, times: Mapping[str, float], b
     windows = {name: shown_window(first, (time - before, time + after)) for name, time in times.items()}
     inputs = first.applied
     with shared_style():
-        size = {"width": 1.2 + INCHES_PER_MOMENT * len(times), "height": 3.2 + INCHES_PER_INPUT * len(inputs.names)}
+        size = {"width": 1.2 + INCHES_PER_MOMENT * len(times), "height": 3.2 + INCHES_PER_INPUT * len(inputs.channels)}
         figure = new_figure(f"{first.model}: tracking error and input around {', '.join(times)}", **size)
-        heights = [1.5, *[1.0] * len(inputs.names)]
+        heights = [1.5, *[1.0] * len(inputs.channels)]
         panels = figure.subplots(len(heights), len(times), sharex="col", sharey="row", squeeze=False, height_ratios=heights)
         limits = []
         for column, (name, window) in zip(panels.T, windows.items(), strict=True):
@@ -45,9 +45,9 @@ def around_figure(results: Sequence[RunResult], *, times: Mapping[str, float], b
             column[-1].set_xlabel("time [s]")
             column[-1].locator_params(axis="x", nbins=5)
         panels[0, 0].set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
-        panels[0, 0].set_ylabel(f"$|y - y_d|$ [{join_units(first.output.units)}]")
+        panels[0, 0].set_ylabel(f"$|y - y_d|$ [{join_units(first.output.channels.units)}]")
         for i, row in enumerate(panels[1:]):
-            row[0].set_ylabel(label(inputs.names[i], inputs.units[i]))
+            row[0].set_ylabel(label(inputs.channels.names[i], inputs.channels.units[i]))
         figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
 

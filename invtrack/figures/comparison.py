@@ -35,22 +35,22 @@ def comparison_figure(results: Sequence[RunResult], *, window: tuple[float, floa
     inputs = first.applied
     looks = line_looks(len(results))
     with shared_style():
-        height = 3.0 + INCHES_PER_INPUT * len(inputs.names)
+        height = 3.0 + INCHES_PER_INPUT * len(inputs.channels)
         figure = new_figure(f"{first.model}: tracking error and input", width=8.5, height=height)
-        heights = [1.6, *[1.0] * len(inputs.names)]
+        heights = [1.6, *[1.0] * len(inputs.channels)]
         panels = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
         errors = []
         for result, look in zip(results, looks, strict=True):
             part = within(result, window)
             errors.append((result.time[part], np.max(np.abs(result.error[part]), axis=1), {"label": result.name, **look}))
         draw_magnitudes(panels[0], errors)
-        panels[0].set_ylabel(f"$|y - y_d|$ [{join_units(first.output.units)}]")
+        panels[0].set_ylabel(f"$|y - y_d|$ [{join_units(first.output.channels.units)}]")
         for i, axes in enumerate(panels[1:]):
             for result, look in zip(results, looks, strict=True):
                 part = within(result, window)
                 steps = slice(part.start, min(part.stop, len(result.time)) - 1)
                 draw_steps(axes, result.time[part], result.applied.values[steps, i], **look)
-            axes.set_ylabel(label(inputs.names[i], inputs.units[i]))
+            axes.set_ylabel(label(inputs.channels.names[i], inputs.channels.units[i]))
         for i, axes in enumerate(panels):
             mark_intervals(axes, first, window, labelled=i == 0)
         panels[-1].set_xlabel("time [s]")
@@ -66,10 +66,10 @@ def same_plant(results: Sequence[RunResult]) -> RunResult:
     for other in results[1:]:
         for what in ("output", "applied"):
             mine, theirs = getattr(first, what), getattr(other, what)
-            if (mine.names, mine.units) != (theirs.names, theirs.units):
+            if mine.channels != theirs.channels:
                 raise InvtrackError(
-                    f"run {other.name!r} has the {what} channels {', '.join(theirs.names)} [{join_units(theirs.units)}], expected "
-                    f"those of {first.name!r}, {', '.join(mine.names)} [{join_units(mine.units)}]; compare runs of one plant"
+                    f"run {other.name!r} has the {what} channels {theirs.channels}, expected "
+                    f"those of {first.name!r}, {mine.channels}; compare runs of one plant"
                 )
     return first
 

@@ -96,7 +96,7 @@ def parameter_intervals(result: RunResult) -> list[tuple[float, float, str]]:
     changed = np.any(values[1:] != values[:-1], axis=1)
     varying = [i for i in range(values.shape[1]) if np.any(values[:, i] != values[0, i])]
     corners = [0, *(np.flatnonzero(changed) + 1), len(values)]
-    names, units = result.parameters.names, result.parameters.units
+    names, units = result.parameters.channels.names, result.parameters.channels.units
     intervals = []
     for first, last in pairwise(corners):
         text = "\n".join(f"{names[i]} = {values[first, i]:.4g} {units[i]}" for i in varying)

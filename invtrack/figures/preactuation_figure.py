@@ -24,7 +24,7 @@ def preactuation_figure(result: RunResult, *, preactuation_time: float, level: f
     lead = min(start - float(result.time[0]), max(3 * preactuation_time, end - start))
     window = (start - lead, start + 0.15 * max(lead, end - start))
     shown = (middle >= window[0]) & (middle <= window[1])
-    unit = join_units(result.applied.units)
+    unit = join_units(result.applied.channels.units)
     size = f"{peak:.3g}" if unit == "1" else f"{peak:.3g} {unit}"
     with shared_style():
         figure = new_figure(f"{result.model}: {result.name}, input before the manoeuvre", width=8, height=3.4)

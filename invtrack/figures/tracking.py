@@ -26,7 +26,7 @@ def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = N
     with parameter jumps (1996), Figure 5.
     """
     window = shown_window(result, window)
-    state_units = list(dict.fromkeys(result.state.units))
+    state_units = list(dict.fromkeys(result.state.channels.units))
     with shared_style():
         rows = max(len(state_units), 3)
         figure = new_figure(f"{result.model}: {result.name}", width=9.5, height=0.9 + INCHES_PER_PANEL * rows)
@@ -47,7 +47,9 @@ def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = N
 
 def _draw_states(axes: Axes, result: RunResult, unit: str, window: tuple[float, float]) -> None:
     part = within(result, window)
-    names = [name for name, its_unit in zip(result.state.names, result.state.units, strict=True) if its_unit == unit]
+    names = [
+        name for name, its_unit in zip(result.state.channels.names, result.state.channels.units, strict=True) if its_unit == unit
+    ]
     for name, look in zip(names, line_looks(len(names)), strict=True):
         draw_line(axes, result.time[part], result.state[name][part], label=name, **look)
     for i, name in enumerate(names):
@@ -71,17 +73,17 @@ def _draw_error(axes: Axes, result: RunResult, window: tuple[float, float]) -> N
     looks = line_looks(result.error.shape[1])
     channels = zip(result.error[part].T, looks, strict=True)
     draw_magnitudes(axes, [(result.time[part], channel, {**look}) for channel, look in channels])
-    axes.set_ylabel(f"$|y - y_d|$ [{join_units(result.output.units)}]")
+    axes.set_ylabel(f"$|y - y_d|$ [{join_units(result.output.channels.units)}]")
 
 
 def _draw_input(axes: Axes, result: RunResult, window: tuple[float, float]) -> None:
     part = within(result, window)
     steps = slice(part.start, min(part.stop, len(result.time)) - 1)
-    names = result.applied.names
+    names = result.applied.channels.names
     for name, look in zip(names, line_looks(len(names)), strict=True):
         draw_steps(axes, result.time[part], result.applied[name][steps], label=name, **look)
     if not np.array_equal(result.applied.values[steps], result.commanded.values[steps]):
-        for i, name in enumerate(result.commanded.names):
+        for i, name in enumerate(result.commanded.channels.names):
             draw_steps(axes, result.time[part], result.commanded[name][steps], label="commanded" if i == 0 else None, **REFERENCE)
     axes.set_ylabel(_axis_label("input", result.applied))
     _add_legend(axes)
@@ -89,14 +91,14 @@ def _draw_input(axes: Axes, result: RunResult, window: tuple[float, float]) -> N
 
 def _draw_channels(axes: Axes, result: RunResult, signal: Signal, window: tuple[float, float]) -> None:
     part = within(result, window)
-    for name, look in zip(signal.names, line_looks(len(signal.names)), strict=True):
+    for name, look in zip(signal.channels.names, line_looks(len(signal.channels)), strict=True):
         draw_line(axes, result.time[part], signal[name][part], label=name, **look)
 
 
 def _axis_label(kind: str, signal: Signal) -> str:
-    if len(signal.names) == 1:
-        return label(signal.names[0], signal.units[0])
-    return f"{kind}s [{join_units(signal.units)}]"
+    if len(signal.channels) == 1:
+        return label(signal.channels.names[0], signal.channels.units[0])
+    return f"{kind}s [{join_units(signal.channels.units)}]"
 
 
 def _add_legend(axes: Axes) -> None:

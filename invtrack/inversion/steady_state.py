@@ -76,5 +76,5 @@ def _steady_state(system: StateSpace) -> Array:
     except np.linalg.LinAlgError:
         condition = np.inf
     if not condition < CONDITION_LIMIT:
-        raise InversionError(f"the outputs {list(system.output_names)} cannot be held at constant values (a zero at s = 0)")
+        raise InversionError(f"the outputs {list(system.outputs.names)} cannot be held at constant values (a zero at s = 0)")
     return np.asarray(inverse[:, n:])

@@ -105,7 +105,7 @@ def _differentiate_output(system: StateSpace, i: int, scale: Array) -> tuple[lis
     while np.all(np.abs(gain) <= ROW_TOLERANCE * gain_size + gain_error):
         if len(rows) == system.n_states:
             raise RelativeDegreeError(
-                f"output {system.output_names[i]!r} is not reached by any input (C_i A^k B vanishes for all "
+                f"output {system.outputs.names[i]!r} is not reached by any input (C_i A^k B vanishes for all "
                 f"k < {system.n_states}); choose another output, or another actuator"
             )
         rows.append(row)
@@ -125,8 +125,8 @@ def _decoupling_condition(system: StateSpace, B_y: Array, degrees: list[int]) ->
     condition = float(np.linalg.cond(scaled))
     if not condition < DECOUPLING_CONDITION_LIMIT:
         raise RelativeDegreeError(
-            f"no vector relative degree: the outputs {list(system.output_names)} differentiated {degrees} times give a B_y with "
-            f"condition number {condition:.1e} (limit {DECOUPLING_CONDITION_LIMIT:.0e}), so the inputs {list(system.input_names)} "
+            f"no vector relative degree: the outputs {list(system.outputs.names)} differentiated {degrees} times give a B_y with "
+            f"condition number {condition:.1e} (limit {DECOUPLING_CONDITION_LIMIT:.0e}), so the inputs {list(system.inputs.names)} "
             "cannot set the outputs independently; choose other outputs, or delay an input by integrators in front of it"
         )
     return condition

@@ -132,7 +132,7 @@ class Plan:
     def __repr__(self) -> str:
         """What it is, without its arrays."""
         (low, high), (T_i, T_f) = self.input_range, self.manoeuvre
-        inputs = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip(self.model.input_names, low, high, strict=True))
+        inputs = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip(self.model.inputs.names, low, high, strict=True))
         return (
             f"<{type(self).__name__} by {self.method}: manoeuvre {T_i:.6g} to {T_f:.6g} s, preactuation {self.preactuation:.4g} s, "
             f"postactuation {self.postactuation:.4g} s, {inputs}>"

@@ -27,7 +27,7 @@ def require_reference(plant: SwitchedSystem | StateSpace, reference: object) -> 
     if reference.n_channels != plant.n_channels:
         raise TrajectoryError(
             f"the reference has {reference.n_channels} channels, the plant {plant.n_channels} outputs "
-            f"{list(plant.output_names)}; stack one signal per output with invtrack.stack"
+            f"{list(plant.outputs.names)}; stack one signal per output with invtrack.stack"
         )
 
 

@@ -89,7 +89,7 @@ def send_labels(recording: rr.RecordingStream, result: RunResult, model: mujoco.
 
 def _find(result: RunResult, model: mujoco.MjModel, parameter: str, body: str) -> tuple[int, int]:
     """Number of the body, and column of the parameter."""
-    if parameter not in result.parameters.channels.names:
+    if parameter not in result.parameters.channels:
         known = ", ".join(result.parameters.channels.names)
         raise RecordingError(f"case {result.name!r} has no parameter {parameter!r}; there are: {known}")
     bodies = [body_name(model, number) for number in range(model.nbody)]

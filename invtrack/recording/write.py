@@ -71,7 +71,7 @@ def _write(runs: list[RunResult], scenes: list[Scene | None], path: Path, *, tit
 
 def _application_id(runs: list[RunResult]) -> str:
     """The viewer keeps one layout per application id; recordings with other cases or channels need another layout."""
-    labels = [[run.name, *((getattr(run, name).names, getattr(run, name).units) for name in SAMPLED + HELD)] for run in runs]
+    labels = [[run.name, *(getattr(run, name).channels.labels for name in SAMPLED + HELD)] for run in runs]
     digest = hashlib.blake2b(json.dumps(labels).encode(), digest_size=4).hexdigest()
     return f"invtrack {runs[0].model} {digest}"
 
@@ -130,7 +130,7 @@ def _check(runs: list[RunResult]) -> None:
             raise RecordingError(f"case {run.name!r} has no samples to record")
         limits = {**dict.fromkeys(SAMPLED, run.time.size), **dict.fromkeys(HELD, run.time.size - 1)}
         for name, rows in limits.items():
-            optional = name in ("measured", "estimate") and not getattr(run, name).names
+            optional = name in ("measured", "estimate") and not getattr(run, name).channels
             if getattr(run, name).values.shape[0] != rows and not optional:
                 raise RecordingError(
                     f"case {run.name!r} has {run.time.size} times, so {name} needs {rows} rows; it has "

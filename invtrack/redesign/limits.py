@@ -87,9 +87,9 @@ def bounds_of(limits: Limits, system: StateSpace) -> tuple[Bound, ...]:
     """
     n, p, point = system.n_states, system.n_channels, system.operating_point
     kinds: tuple[tuple[Kind, str, Range, tuple[str, ...], int, Array], ...] = (
-        ("input", "input", limits.input, system.input_names, n, point.u0),
-        ("input rate", "input_rate", limits.input_rate, system.input_names, n, np.zeros(p)),
-        ("path", "output", limits.output, system.output_names, n + p, point.y0),
+        ("input", "input", limits.input, system.inputs.names, n, point.u0),
+        ("input rate", "input_rate", limits.input_rate, system.inputs.names, n, np.zeros(p)),
+        ("path", "output", limits.output, system.outputs.names, n + p, point.y0),
     )
     rows, found = np.eye(n + 2 * p), []
     for kind, name, value, channels, first, offset in kinds:
@@ -148,7 +148,7 @@ def state_row(name: str, row: StateRow, system: StateSpace) -> Array:
     Raises RedesignError for states that there are not, another number of weights than states, and weights that are not finite or
     all zero. `name` is what the message calls the combination.
     """
-    states = list(system.state_names)
+    states = list(system.states.names)
     if isinstance(row, Mapping):
         unknown = [state for state in row if state not in states]
         if unknown or not row:

@@ -102,7 +102,7 @@ def _require_free_holding(plant: SwitchedSystem, plan: Redesign, weights: Weight
         rounding = ROUNDING * float(weights.terms(x, u, y - wanted)[0])
         if rate > FREE_HOLDING * staying_away + rounding:
             raise RedesignError(
-                f"the cost is infinite: {when} the manoeuvre the outputs {list(plant.output_names)} are to be held at "
+                f"the cost is infinite: {when} the manoeuvre the outputs {list(plant.outputs.names)} are to be held at "
                 f"{wanted.tolist()} (from the operating point) for ever, which costs {rate:.3g} per second even at the best "
                 "compromise; let the reference return to the operating point, take the held value itself as the operating point, "
                 "or give no weight to the states or inputs that holding it takes (a rigid-body motion needs none)"

@@ -59,9 +59,9 @@ def as_weights(plant: SwitchedSystem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: Arra
     system = plant.systems[0]
     n, p = system.n_states, system.n_channels
     weights = Weights(
-        R=real_weight("R", R, p, meaning=f"inputs {list(system.input_names)}"),
-        Q_x=real_weight("Q_x", Q_x, n, meaning=f"states {list(system.state_names)}"),
-        Q_y=real_weight("Q_y", Q_y, p, meaning=f"outputs {list(system.output_names)}"),
+        R=real_weight("R", R, p, meaning=f"inputs {list(system.inputs.names)}"),
+        Q_x=real_weight("Q_x", Q_x, n, meaning=f"states {list(system.states.names)}"),
+        Q_y=real_weight("Q_y", Q_y, p, meaning=f"outputs {list(system.outputs.names)}"),
     )
     smallest = min(_smallest_eigenvalue(weights.input_weight(system.D)) for system in plant.systems)
     if smallest <= SEMIDEFINITE_TOLERANCE:

@@ -152,7 +152,7 @@ def inadmissible_states(
         time = float(jumps.times[worst])
         form = normal_form(plant.systems[int(plant.interval(time))])
         jump = jumped[worst] * w[j]
-        found.append(InadmissibleState(names[j], time, *_where(form, plant.output_names, jump)))
+        found.append(InadmissibleState(names[j], time, *_where(form, plant.outputs.names, jump)))
     return tuple(found)
 
 

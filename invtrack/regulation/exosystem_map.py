@@ -99,7 +99,7 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
 
 def require_outputs(plant: SwitchedSystem, exosystem: Exosystem) -> None:
     """Raises TrajectoryError unless `exosystem` is one, with one output per output of the plant."""
-    names = list(plant.output_names)
+    names = list(plant.outputs.names)
     if not isinstance(exosystem, Exosystem):
         raise TrajectoryError(
             f"expected an Exosystem, such as sinusoidal_exosystem(...), got {type(exosystem).__name__}; for a single reference "

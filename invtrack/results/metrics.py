@@ -62,9 +62,9 @@ def state_vibration(
     Where the controller wants no state (x_ref is NaN) it is the peak-to-peak of the coordinate itself. Raises InvtrackError for a
     name that is no state, and as `residual_vibration` does.
     """
-    unknown = [name for name in names if name not in result.state.names]
+    unknown = [name for name in names if name not in result.state.channels]
     if unknown:
-        raise InvtrackError(f"no state named {', '.join(unknown)}; there are: {', '.join(result.state.names)}")
+        raise InvtrackError(f"no state named {', '.join(unknown)}; there are: {', '.join(result.state.channels.names)}")
     window = _window_after(result, periods, duration)
     vibration = {}
     for name in names:

@@ -36,14 +36,6 @@ class Signal:
         """The signal of something that a run does not have."""
         return cls(np.zeros((0, 0)), Channels())
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        return self.channels.names
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return self.channels.units
-
     def __getitem__(self, name: str) -> Array:
         """The samples of one channel, by name. Raises ChannelError, with the names there are, where there is none."""
         return self.values[:, self.channels.index(name)]
@@ -109,7 +101,7 @@ class RunResult:
     def __repr__(self) -> str:
         """What it is, without its arrays."""
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s in {len(self.time) - 1} steps" if len(self.time) else "no samples"
-        return f"<RunResult {self.name!r} of {self.model!r}: {self.status}, {span}, outputs {list(self.output.names)}>"
+        return f"<RunResult {self.name!r} of {self.model!r}: {self.status}, {span}, outputs {list(self.output.channels.names)}>"
 
     @property
     def error(self) -> Array:

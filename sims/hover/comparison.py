@@ -69,6 +69,6 @@ def likeness(exact: invtrack.Plan, modified: invtrack.Plan) -> dict[str, dict[st
 
 
 def _values(plan: invtrack.Plan, times: np.ndarray, model: invtrack.StateSpace, name: str) -> np.ndarray:
-    if name in model.input_names:
-        return channel(plan.inputs(times), model.input_names, name)
-    return channel(plan.states(times), model.state_names, name)
+    if name in model.inputs.names:
+        return channel(plan.inputs(times), model.inputs.names, name)
+    return channel(plan.states(times), model.states.names, name)

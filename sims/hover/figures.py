@@ -72,7 +72,7 @@ def _inputs(names: tuple[str, ...], plans: Plans) -> Panels:
     return [
         (
             f"{name.replace('_', ' ')} [HE3's unit]",
-            {case: (time, channel(plan.inputs(time), plan.model.input_names, name)) for case, plan in plans.items()},
+            {case: (time, channel(plan.inputs(time), plan.model.inputs.names, name)) for case, plan in plans.items()},
         )
         for name in names
     ]
@@ -83,7 +83,7 @@ def _attitudes(plans: Plans, runs: Mapping[str, invtrack.RunResult]) -> Panels:
     panels: Panels = []
     for label, name in ATTITUDES.items():
         curves: dict[str, Line] = {
-            case: (time, channel(plan.states(time), plan.model.state_names, name)) for case, plan in plans.items()
+            case: (time, channel(plan.states(time), plan.model.states.names, name)) for case, plan in plans.items()
         }
         curves |= {f"{case}, MuJoCo": (run.time, run.state[name]) for case, run in runs.items()}
         panels.append((f"{label} [rad]", curves))

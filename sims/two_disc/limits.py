@@ -78,7 +78,7 @@ def limited_slew(plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtr
         limits=invtrack.Limits(
             input=inside * INPUT,
             input_rate=inside * RATE,
-            states=[invtrack.StateLimit("twist", dict(zip(model.state_names, TWIST.tolist(), strict=True)), inside * TWIST_LIMIT)],
+            states=[invtrack.StateLimit("twist", dict(zip(model.states.names, TWIST.tolist(), strict=True)), inside * TWIST_LIMIT)],
         ),
         tolerance=TOLERANCE,
     )
@@ -108,7 +108,7 @@ def _measured(result: invtrack.RunResult) -> dict[str, float | int | None]:
 
     A controller with a period moves the input in jumps, which have no rate.
     """
-    sampled = len(result.measured.names) > 0
+    sampled = len(result.measured.channels) > 0
     middle = (result.time[:-1] + result.time[1:]) / 2
     applied = result.applied.values
     return {

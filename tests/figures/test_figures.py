@@ -43,7 +43,7 @@ def test_every_axis_has_its_unit(run: RunResult) -> None:
 
 def test_tracking_figure_names_states_parameters_and_the_manoeuvre(run: RunResult) -> None:
     shown = texts(tracking_figure(run)).replace("\n100 kg", " = 100 kg")
-    for expected in (*run.state.names, "tip_mass = 100 kg", "$T_i$", "$T_f$", "reference"):
+    for expected in (*run.state.channels.names, "tip_mass = 100 kg", "$T_i$", "$T_f$", "reference"):
         assert expected in shown
 
 

@@ -60,7 +60,7 @@ def test_bad_input_is_refused(build: Callable[[], object], message: str) -> None
 
 def test_names_are_given_where_none_are() -> None:
     system = StateSpace(A, B, C, outputs=["tip"])
-    assert (system.state_names, system.input_names, system.output_names) == (("x1", "x2"), ("u1",), ("tip",))
+    assert (system.states.names, system.inputs.names, system.outputs.names) == (("x1", "x2"), ("u1",), ("tip",))
     assert (system.n_states, system.n_channels) == (2, 1)
     assert pytest.approx(np.zeros((1, 1))) == system.D
 
@@ -91,8 +91,8 @@ def test_change_of_coordinates_keeps_the_transfer_function_and_the_frame() -> No
     s = -0.4 + 2j
     assert response(other, s) == pytest.approx(response(system, s))
     assert pytest.approx(T @ A) == other.A @ T
-    assert other.state_names == ("a", "b")
-    assert other.input_names == ("force",)
+    assert other.states.names == ("a", "b")
+    assert other.inputs.names == ("force",)
     assert other.operating_point is operating_point
 
 

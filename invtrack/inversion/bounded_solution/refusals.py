@@ -37,7 +37,7 @@ def require_smooth(plant: SwitchedSystem, splits: list[SplitDynamics], reference
         discontinuous = (reference.jumps(order) > 1e-9) & (order < needed)
         if np.any(discontinuous):
             at, channel = np.argwhere(discontinuous)[0]
-            name, r = plant.output_names[channel], int(needed[at, channel])
+            name, r = plant.outputs.names[channel], int(needed[at, channel])
             raise TrajectoryError(
                 f"the reference for {name!r} is not smooth enough: its derivative of order {order} jumps at "
                 f"t = {reference.breakpoints[at]:.6g} s, so it has {order} continuous derivatives (the value counted), but the "

@@ -154,7 +154,7 @@ def _require_equilibrium(plant: SwitchedSystem, internals: list[InternalDynamics
         if np.linalg.norm(left) > HELD_TOLERANCE * terms:
             raise InversionError(
                 f"a zero at the origin: the internal dynamics have no equilibrium in which the outputs "
-                f"{list(plant.output_names)} hold {held.tolist()} (deviations from the operating point), so the inverse "
+                f"{list(plant.outputs.names)} hold {held.tolist()} (deviations from the operating point), so the inverse "
                 "cannot come to rest; let the reference start and end at the operating point, or track another output"
             )
 

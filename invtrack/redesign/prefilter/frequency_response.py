@@ -117,7 +117,7 @@ def factoring_gain(model: StateSpace, given: ArrayLike | None = None) -> Array:
         except (np.linalg.LinAlgError, ValueError) as error:
             raise RedesignError(
                 f"the plant cannot be stabilized: {error}; a mode on or right of the imaginary axis is out of reach of the inputs "
-                f"{list(model.input_names)}, remove it from the model or choose other inputs"
+                f"{list(model.inputs.names)}, remove it from the model or choose other inputs"
             ) from error
     else:
         K = np.array(given, dtype=float)
