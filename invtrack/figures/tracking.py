@@ -91,7 +91,9 @@ def preactuation_figure(result: RunResult, *, level: float = 0.01) -> Figure:
 
 def _draw_states(axes: Axes, result: RunResult, unit: str, window: tuple[float, float]) -> None:
     part = within(result.time, window)
-    names = [name for name, its_unit in zip(result.state.channels.names, result.state.channels.units, strict=True) if its_unit == unit]
+    names = [
+        name for name, its_unit in zip(result.state.channels.names, result.state.channels.units, strict=True) if its_unit == unit
+    ]
     for name, look in zip(names, line_looks(len(names)), strict=True):
         draw_line(axes, result.time[part], result.state[name][part], label=name, **look)
     for i, name in enumerate(names):

@@ -149,18 +149,6 @@ class StateSpace:
         """Number of inputs, and of outputs, p."""
         return len(self.D)
 
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        return self.states.names
-
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        return self.inputs.names
-
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        return self.outputs.names
-
     def transformed(self, T: ArrayLike, states: Channels | Sequence[str] | None = None) -> StateSpace:
         """The same system in the coordinates T x (T (n, n), nonsingular): T A T^-1, T B, C T^-1, D."""
         T = _matrix("T", T)

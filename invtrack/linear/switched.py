@@ -96,18 +96,6 @@ class SwitchedSystem:
         return self.systems[0].measurement.channels
 
     @property
-    def state_names(self) -> tuple[str, ...]:
-        return self.states.names
-
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        return self.inputs.names
-
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        return self.outputs.names
-
-    @property
     def operating_point(self) -> OperatingPoint:
         """The point about which all intervals hold."""
         return self.systems[0].operating_point

@@ -141,7 +141,7 @@ def _states(run: RunResult, interval: tuple[float, float], *, several: bool) -> 
     for unit, channels in channels_by_unit(run.state).items():
         wanted = run.state_reference.values[:, channels]
         names = ["state", "state_reference"] if np.any(np.isfinite(wanted)) else ["state"]
-        names += ["estimate"] if run.estimate.channels.names else []
+        names += ["estimate"] if run.estimate.channels else []
         views.append(_plot(f"{title} [{unit}]", [unit_path(run.name, name, unit) for name in names], interval))
     return views
 

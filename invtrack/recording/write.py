@@ -71,7 +71,10 @@ def _write(runs: list[RunResult], scenes: list[Scene | None], path: Path, *, tit
 
 def _application_id(runs: list[RunResult]) -> str:
     """The viewer keeps one layout per application id; recordings with other cases or channels need another layout."""
-    labels = [[run.name, *((getattr(run, name).channels.names, getattr(run, name).channels.units) for name in SAMPLED + HELD)] for run in runs]
+    labels = [
+        [run.name, *((getattr(run, name).channels.names, getattr(run, name).channels.units) for name in SAMPLED + HELD)]
+        for run in runs
+    ]
     digest = hashlib.blake2b(json.dumps(labels).encode(), digest_size=4).hexdigest()
     return f"invtrack {runs[0].model} {digest}"
 

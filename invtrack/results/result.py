@@ -36,14 +36,6 @@ class Signal:
         """The signal of something that a run does not have."""
         return cls(np.zeros((0, 0)), Channels())
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        return self.channels.names
-
-    @property
-    def units(self) -> tuple[str, ...]:
-        return self.channels.units
-
     def __getitem__(self, name: str) -> Array:
         """The samples of one channel, by name. Raises ChannelError, with the names there are, where there is none."""
         return self.values[:, self.channels.index(name)]

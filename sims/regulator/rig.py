@@ -23,7 +23,7 @@ STATE_OBSERVER = invtrack.KalmanFilter(input_noise=0.02, measurement_noise=1e-3)
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Plant, its models between the jumps of the tip mass, gains per interval, the maps that are compared by name, a plan for all."""
+    """Plant, its models between jumps of the tip mass, gains per interval, the maps that are compared by name, and their plan."""
 
     plant: invtrack.Plant
     model: invtrack.SwitchedSystem
