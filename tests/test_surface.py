@@ -86,7 +86,9 @@ def test_a_room_says_what_it_is_and_exports_what_it_names(room: str) -> None:
 
 
 def public_members() -> Iterator[tuple[str, Any]]:
-    """Every class and function of every face, by where it is found."""
+    """Every class and function at the top and in every face, by where it is found."""
+    for name in invtrack.__all__:
+        yield name, getattr(invtrack, name)
     for room in ROOMS:
         for name in face(room).__all__:
             yield f"{room}.{name}", getattr(face(room), name)
@@ -118,7 +120,7 @@ def callables(member: Any) -> Iterator[Any]:
             yield attribute
 
 
-def test_every_type_that_is_returned_can_be_imported_from_a_face() -> None:
+def test_every_type_that_is_returned_can_be_imported_from_the_top_or_a_face() -> None:
     exported = {member for _, member in public_members() if inspect.isclass(member)}
     missing = {
         f"{found.__module__}.{found.__qualname__}, which {where} returns"
