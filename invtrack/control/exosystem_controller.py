@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.checks import real_numbers
+from invtrack.checks import real_vector, require_not_negative
 from invtrack.control.exosystem_observer import ExosystemObserver, states_within_holds
 from invtrack.control.gains import GainSchedule
 from invtrack.control.observer import Observer, measured
@@ -69,20 +69,14 @@ class ExosystemController(PlanFollower):
         self._wanted = exosystem.reference(true, at=T_i)
         super().__init__(regulation.plan(true) if plan is None else plan, gains, period)
         self._regulation, self._true, self._at = regulation, true, T_i
-        if not 0 <= reference_noise < np.inf:
-            raise ControlError(f"reference_noise must be finite and not negative, got {reference_noise}")
+        require_not_negative("reference_noise", reference_noise, error=ControlError)
         if exosystem_observer is None and (initial_estimate is not None or reference_noise > 0):
             raise ControlError(
                 "initial_estimate and reference_noise are for an estimated exosystem; give an exosystem_observer too"
             )
         self._observer = None if exosystem_observer is None else ExosystemObserver(exosystem, exosystem_observer)
-        self._initial = (
-            np.zeros(exosystem.n_states) if initial_estimate is None else real_numbers("initial_estimate", initial_estimate)
-        )
-        if self._initial.shape != (exosystem.n_states,) or not np.all(np.isfinite(self._initial)):
-            raise ControlError(
-                f"expected a finite initial_estimate of the states {list(exosystem.names)}, got {initial_estimate!r}"
-            )
+        given = np.zeros(exosystem.n_states) if initial_estimate is None else initial_estimate
+        self._initial = real_vector("initial_estimate", given, exosystem.names, error=ControlError)
         self._noise, self._seed = reference_noise, seed
         self._state_observer = state_observer
         if state_observer is not None:

@@ -11,6 +11,7 @@ import scipy.linalg
 import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import increasing_times, real_weight, stable_poles
 from invtrack.errors import ControlError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
@@ -35,8 +36,7 @@ class GainSchedule:
                 f"expected one gain more than switch times, all of one shape; got gains of shapes {shapes} and "
                 f"{len(self.switch_times)} switch times"
             )
-        if not (np.all(np.isfinite(self.switch_times)) and np.all(np.diff(self.switch_times) > 0)):
-            raise ControlError(f"switch times of gains must be finite and increase, got {np.asarray(self.switch_times).tolist()}")
+        increasing_times("switch times of gains", self.switch_times, error=ControlError)
         if not all(np.all(np.isfinite(gain)) for gain in self.gains):
             raise ControlError("a gain has entries that are not finite")
 
@@ -54,7 +54,8 @@ def lqr(model: Any, *, Q: ArrayLike, R: ArrayLike) -> GainSchedule:
     """
     plant = as_switched(model)
     n, p = plant.n_states, plant.n_channels
-    state_weight, input_weight = _weight("Q", Q, n, strict=False), _weight("R", R, p, strict=True)
+    state_weight = real_weight("Q", Q, n, meaning=f"states {list(plant.state_names)}", error=ControlError)
+    input_weight = real_weight("R", R, p, meaning=f"inputs {list(plant.input_names)}", definite=True, error=ControlError)
 
     def gain(system: StateSpace) -> Array:
         try:
@@ -78,10 +79,7 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
     Raises ControlError for a wrong number of poles, poles right of the axis, or a plant whose modes cannot all be moved.
     """
     plant = as_switched(model)
-    n = plant.n_states
-    wanted = np.array(poles, dtype=complex)
-    if wanted.shape != (n,) or np.any(wanted.real >= 0):
-        raise ControlError(f"expected {n} poles left of the imaginary axis, got {wanted.tolist()}")
+    wanted = stable_poles("poles", poles, plant.n_states, error=ControlError)
 
     def gain(system: StateSpace) -> Array:
         try:
@@ -109,16 +107,3 @@ def _per_interval(plant: SwitchedSystem, design: Callable[[StateSpace], Array]) 
         return K
 
     return GainSchedule(plant.map(stabilizing), plant.switch_times)
-
-
-def _weight(name: str, value: ArrayLike, size: int, *, strict: bool) -> Array:
-    matrix = np.asarray(value, dtype=float)
-    matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
-    if matrix.shape != (size, size) or not np.allclose(matrix, matrix.T):
-        raise ControlError(f"{name} must be a number or a symmetric ({size}, {size}) matrix, got shape {matrix.shape}")
-    smallest = np.linalg.eigvalsh(matrix)[0]
-    if smallest < -1e-12 * np.linalg.norm(matrix) or (strict and smallest <= 0):
-        raise ControlError(
-            f"{name} must be positive {'definite' if strict else 'semidefinite'}, its smallest eigenvalue is {smallest:.3g}"
-        )
-    return matrix

@@ -11,6 +11,7 @@ import scipy.linalg
 import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import real_numbers, real_vector, stable_poles
 from invtrack.errors import ControlError
 from invtrack.linear.state_space import StateSpace
 
@@ -36,9 +37,7 @@ class LuenbergerObserver:
 
     def gain(self, system: StateSpace, period: float) -> Array:
         """M (n, m) with eig(A_d - M C_m A_d) = exp(poles period). Raises ControlError where the poles cannot be placed."""
-        wanted = np.array(self.poles, dtype=complex)
-        if wanted.shape != (system.n_states,) or np.any(wanted.real >= 0):
-            raise ControlError(f"expected {system.n_states} observer poles left of the imaginary axis, got {wanted.tolist()}")
+        wanted = stable_poles("observer poles", self.poles, system.n_states, error=ControlError)
         A_d = scipy.linalg.expm(system.A * period)
         C_m = measured(system).C
         try:
@@ -64,11 +63,8 @@ class KalmanFilter:
     def gain(self, system: StateSpace, period: float) -> Array:
         """M (n, m) from the discrete Riccati equation. Raises ControlError where it has no stabilizing solution."""
         C_m = measured(system).C
-        m = len(C_m)
-        intensity = np.broadcast_to(np.asarray(self.input_noise, dtype=float), (system.n_channels,))
-        deviation = np.broadcast_to(np.asarray(self.measurement_noise, dtype=float), (m,))
-        if np.any(intensity <= 0) or np.any(deviation <= 0):
-            raise ControlError("noise levels must be positive: a filter without noise has no optimal gain")
+        intensity = _levels("input_noise", self.input_noise, system.input_names)
+        deviation = _levels("measurement_noise", self.measurement_noise, system.measurement.names)
         A_d, Q_d = _sampled_noise(system.A, system.B * intensity, period)
         try:
             P = scipy.linalg.solve_discrete_are(A_d.T, C_m.T, Q_d, np.diag(deviation**2))
@@ -84,6 +80,15 @@ def measured(system: StateSpace) -> Any:
         through = [name for name, row in zip(system.measurement.names, system.measurement.D, strict=True) if np.any(row)]
         raise ControlError(f"measurements {through} depend on the input at once (accelerations?); measure positions or velocities")
     return system.measurement
+
+
+def _levels(name: str, value: ArrayLike, channels: Sequence[str]) -> Array:
+    """Standard deviations, one for each channel; a number stands for all of them."""
+    levels = real_numbers(name, value, error=ControlError)
+    levels = real_vector(name, np.full(len(channels), levels) if levels.ndim == 0 else levels, channels, error=ControlError)
+    if np.any(levels <= 0):
+        raise ControlError(f"{name} must be positive, got {levels.tolist()}: a filter without noise has no optimal gain")
+    return levels
 
 
 def _sampled_noise(A: Array, G: Array, period: float) -> tuple[Array, Array]:

@@ -11,6 +11,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import require_not_negative
 from invtrack.control.gains import GainSchedule
 from invtrack.control.observer import Observer, measured
 from invtrack.control.protocol import Instants, Segments
@@ -145,8 +146,7 @@ class OutputFeedbackController(PlanFollower):
         measurement_delay: float = 0.0,
     ) -> None:
         super().__init__(plan, gains, period)
-        if not 0 <= measurement_delay < np.inf:
-            raise ControlError(f"measurement_delay must be finite and not negative, got {measurement_delay} s")
+        require_not_negative("measurement_delay [s]", measurement_delay, error=ControlError)
         for system in plan.model.systems:
             measured(system)
         self._observer, self._delay = observer, measurement_delay

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import real_numbers, require_duration
 from invtrack.control.gains import GainSchedule
 from invtrack.control.protocol import AffineLaw, Instants, Law
 from invtrack.errors import ControlError
@@ -27,16 +28,15 @@ class PlanFollower(ABC):
     """
 
     def __init__(self, plan: Plan, gains: GainSchedule | ArrayLike | None, period: float | None) -> None:
-        first = plan.model.systems[0]
-        shape = (first.n_channels, first.n_states)
+        shape = (plan.model.n_channels, plan.model.n_states)
         if gains is None:
             gains = np.zeros(shape)
         if not isinstance(gains, GainSchedule):
-            gains = GainSchedule((np.asarray(gains, dtype=float),), np.zeros(0))
+            gains = GainSchedule((real_numbers("gains", gains, error=ControlError),), np.zeros(0))
         if gains.gains[0].shape != shape:
             raise ControlError(f"gains have shape {gains.gains[0].shape}, expected {shape} for this plan's inputs and states")
-        if period is not None and not (np.isfinite(period) and period > 0):
-            raise ControlError(f"the controller's period must be a positive number of seconds or None, got {period}")
+        if period is not None:
+            require_duration("the controller's period", period, error=ControlError)
         self._plan, self._gains, self._period = plan, gains, period
 
     @property

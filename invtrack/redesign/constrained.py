@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import require_duration
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import as_switched
 from invtrack.plans.certificate import certify
@@ -79,10 +80,10 @@ def constrained_redesign(
     Method: dual-mode quadratic programming (P. Scokaert, J. Rawlings, "Constrained linear quadratic regulation", IEEE Trans.
     Automatic Control 43(8), 1998), in continuous time and at both ends.
     """
-    if step is not None and not (np.isfinite(step) and step > 0):
-        raise RedesignError(f"step must be a positive number of seconds, got {step}")
+    if step is not None:
+        require_duration("step", step, error=RedesignError)
     plant = as_switched(model)
-    bounds = bounds_of(limits, plant.systems[0])
+    bounds = bounds_of(limits, plant)
     free = quadratic_redesign(plant, reference, R=R, Q_x=Q_x, Q_y=Q_y, tolerance=tolerance, max_preactuation=max_preactuation)
     weights = as_weights(plant, R=R, Q_x=Q_x, Q_y=Q_y)
     (before, v_before), (after, v_after) = tails_of(free.trajectory, weights)

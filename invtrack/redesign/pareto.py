@@ -121,7 +121,7 @@ def pareto_sweep(
         keys = [sorted(point) for point in weights]
         raise RedesignError(f"expected for each point a mapping with R, Q_y and, if wanted, Q_x; got {keys}")
     plant = as_switched(model)
-    rows = {name: state_row(name, row, plant.systems[0]) for name, row in (quantities or {}).items()}
+    rows = {name: state_row(name, row, plant) for name, row in (quantities or {}).items()}
     plans = tuple(method(plant, reference, **point, **options) for point in weights)
     return TradeOff(
         weights=tuple(weights),
@@ -137,11 +137,10 @@ def outcome(plan: Plan, quantities: Mapping[str, StateRow] | None = None) -> Out
 
     Raises RedesignError for quantities that do not fit the states.
     """
-    system = plan.model.systems[0]
-    rows = {name: state_row(name, row, system) for name, row in (quantities or {}).items()}
+    rows = {name: state_row(name, row, plan.model) for name, row in (quantities or {}).items()}
     times, inside = _dense_times(plan)
     at = plan(times.ravel(), inside=inside)
-    u = at.u - system.operating_point.u0
+    u = at.u - plan.model.operating_point.u0
     power = np.sum(u**2, axis=1).reshape(times.shape)
     energy = float(np.sum(scipy.integrate.simpson(power, x=times, axis=1)))
     return Outcome(

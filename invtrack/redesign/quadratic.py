@@ -13,9 +13,8 @@ from invtrack.plans.certificate import certify
 from invtrack.plans.ends import actuation_times
 from invtrack.plans.plan import Certificate, Plan
 from invtrack.plans.problem import deviation_reference, require_reference
-from invtrack.redesign.holding import FREE_HOLDING, ROUNDING
 from invtrack.redesign.optimal.assembly import Redesign, assemble
-from invtrack.redesign.weights import Weights, as_weights
+from invtrack.redesign.weights import FREE_HOLDING, ROUNDING, Weights, as_weights
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]

@@ -165,7 +165,7 @@ def test_limited_preactuation_is_remarked() -> None:
         (Limits(input=0.0), r"limit 'input': expected positive numbers, got \[0\.0\]"),
         (Limits(input=-1.0), "expected positive numbers"),
         (Limits(input=np.nan), "entries that are not numbers"),
-        (Limits(input="strong"), "must be a number or one per channel"),
+        (Limits(input="strong"), "limit 'input' must be real numbers, got 'strong'"),
         (Limits(input=[1.0, 2.0]), r"expected a number or 1 for the inputs \['u1'\], got shape \(2,\)"),
         (Limits(output=(1.0, -1.0)), r"expected each low below its high, got low \[1\.0\], high \[-1\.0\]"),
         (Limits(input_rate=(-1.0, 0.0, 1.0)), r"a tuple \(low, high\) of two, got 3"),
@@ -174,7 +174,7 @@ def test_limited_preactuation_is_remarked() -> None:
             r"of the states \['x1', 'x2', 'x3'\].*\['th1'\] are unknown",
         ),
         (Limits(states=[StateLimit("none", {}, 1.0)]), "expected weights of some of the states"),
-        (Limits(states=[StateLimit("zero", {"x1": 0.0}, 1.0)]), "finite weights that are not all zero"),
+        (Limits(states=[StateLimit("zero", {"x1": 0.0}, 1.0)]), "weights of 'zero' must not all be zero"),
         (Limits(states=[StateLimit("twist", {"x1": 1.0}, 0.0)]), "limit 'twist': expected positive numbers"),
         (
             Limits(input=(0.5, 1.0)),

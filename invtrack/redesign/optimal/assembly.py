@@ -12,11 +12,10 @@ from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.ends import Departure
 from invtrack.plans.plan import TwoSidedGenerator, TwoSidedTrajectory
-from invtrack.redesign.holding import without_rounding
 from invtrack.redesign.optimal.boundary import join
 from invtrack.redesign.optimal.interval import Interval, make_interval, two_sided
 from invtrack.redesign.optimal.optimum import Optimum, optimum
-from invtrack.redesign.weights import Weights
+from invtrack.redesign.weights import Weights, without_rounding
 from invtrack.references.signal import Generator, PiecewiseSignal
 
 Array = NDArray[np.float64]

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import real_matrix
 from invtrack.errors import RedesignError
 from invtrack.linear.state_space import StateSpace
 from invtrack.redesign.prefilter.reference_spectrum import FourierWindow
@@ -120,9 +121,7 @@ def factoring_gain(model: StateSpace, given: ArrayLike | None = None) -> Array:
                 f"{list(model.input_names)}, remove it from the model or choose other inputs"
             ) from error
     else:
-        K = np.array(given, dtype=float)
-        if K.shape != (p, n) or not np.all(np.isfinite(K)):
-            raise RedesignError(f"stabilizing_gain must be a finite ({p}, {n}) matrix for u = -K x, got shape {K.shape}")
+        K = real_matrix("stabilizing_gain (K of u = -K x)", given, shape=(p, n), error=RedesignError)
     poles = np.linalg.eigvals(model.A - model.B @ K)
     if np.any(poles.real >= 0):
         raise RedesignError(f"the gain does not stabilize the plant: A - B K has poles {np.round(poles, 6).tolist()}")

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import real_numbers, require_share
 from invtrack.errors import RedesignError, TrajectoryError
 from invtrack.linear.switched import as_switched
 from invtrack.plans.problem import require_reference
-from invtrack.redesign.holding import FREE_HOLDING, without_rounding
 from invtrack.redesign.prefilter.frequency_response import FrequencyResponse, OptimalResponse, factoring_gain, refine, time_scales
 from invtrack.redesign.prefilter.impulse import ImpulseResponse, impulse_samples, require_strictly_proper
 from invtrack.redesign.prefilter.reference_spectrum import FourierWindow, held_values, rate_spectrum
-from invtrack.redesign.weights import WeightLike, frequency_weight
+from invtrack.redesign.weights import FREE_HOLDING, WeightLike, frequency_weight, without_rounding
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -105,8 +105,7 @@ class Prefilter:
 
         Raises RedesignError for a level outside 0 ... 1, and as `impulse_response` does.
         """
-        if not 0 < level < 1:
-            raise RedesignError(f"level must lie between 0 and 1, got {level}")
+        require_share("level", level, error=RedesignError)
         return self.impulse_response(tolerance=min(1e-3, level / 10)).preview_time(level)
 
     def apply(
@@ -142,8 +141,7 @@ class Prefilter:
 
     def _reach(self, tolerance: float) -> float:
         """Distance [s] over which the slowest pole decays to less than the tolerance."""
-        if not 0 < tolerance < 1:
-            raise RedesignError(f"tolerance must lie between 0 and 1, got {tolerance}")
+        require_share("tolerance", tolerance, error=RedesignError)
         return float((np.log(1 / tolerance) + 4.0) / self.decay_rate)
 
     def _groups(self) -> list[int]:
@@ -200,7 +198,7 @@ def prefilter(
 
 
 def _finite(name: str, values: ArrayLike) -> Array:
-    array = np.atleast_1d(np.asarray(values, dtype=float))
+    array = np.atleast_1d(real_numbers(name, values))
     if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)):
         raise TrajectoryError(f"{name} must be finite numbers, one or a vector of them, got shape {array.shape}")
     return array
