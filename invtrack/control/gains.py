@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.checks import increasing_times, real_weight, stable_poles
@@ -83,7 +82,7 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
 
     def gain(system: StateSpace) -> Array:
         try:
-            K = np.asarray(scipy.signal.place_poles(system.A, system.B, wanted).gain_matrix, dtype=float)
+            K = placed_gain(system.A, system.B, wanted)
         except ValueError as error:
             raise ControlError(f"poles cannot be placed: {error}") from error
         distance = np.abs(np.linalg.eigvals(system.A - system.B @ K)[:, None] - wanted)
@@ -96,6 +95,13 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
         return K
 
     return _per_interval(plant, gain)
+
+
+def placed_gain(A: Array, B: Array, poles: NDArray[np.complex128]) -> Array:
+    """K (p, n) for which the eigenvalues of A - B K are the `poles` (n,); raises ValueError where a pole repeats too often."""
+    from scipy.signal import place_poles  # here, because it takes longer to import than all the rest of the package
+
+    return np.asarray(place_poles(A, B, poles).gain_matrix, dtype=float)
 
 
 def _per_interval(plant: SwitchedSystem, design: Callable[[StateSpace], Array]) -> GainSchedule:

@@ -8,12 +8,13 @@ from typing import Any, Protocol
 
 import numpy as np
 import scipy.linalg
-import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.checks import real_numbers, real_vector, stable_poles
+from invtrack.control.gains import placed_gain
 from invtrack.errors import ControlError
 from invtrack.linear.state_space import StateSpace
+from invtrack.linear.zero_order_hold import sampled_noise, zero_order_hold
 
 Array = NDArray[np.float64]
 
@@ -38,15 +39,14 @@ class LuenbergerObserver:
     def gain(self, system: StateSpace, period: float) -> Array:
         """M (n, m) with eig(A_d - M C_m A_d) = exp(poles period). Raises ControlError where the poles cannot be placed."""
         wanted = stable_poles("observer poles", self.poles, system.n_states, error=ControlError)
-        A_d = scipy.linalg.expm(system.A * period)
+        A_d, _ = zero_order_hold(system.A, np.zeros((system.n_states, 0)), period)
         C_m = measured(system).C
         try:
-            placed = scipy.signal.place_poles(A_d.T, (C_m @ A_d).T, np.exp(wanted * period))
+            return placed_gain(A_d.T, (C_m @ A_d).T, np.exp(wanted * period)).T
         except ValueError as error:
             raise ControlError(
                 f"observer poles cannot be placed: {error}; are the measurements enough to see every mode?"
             ) from error
-        return np.asarray(placed.gain_matrix.T, dtype=float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class KalmanFilter:
         C_m = measured(system).C
         intensity = _levels("input_noise", self.input_noise, system.input_names)
         deviation = _levels("measurement_noise", self.measurement_noise, system.measurement.names)
-        A_d, Q_d = _sampled_noise(system.A, system.B * intensity, period)
+        A_d, Q_d = sampled_noise(system.A, system.B * intensity, period)
         try:
             P = scipy.linalg.solve_discrete_are(A_d.T, C_m.T, Q_d, np.diag(deviation**2))
         except (np.linalg.LinAlgError, ValueError) as error:
@@ -89,13 +89,3 @@ def _levels(name: str, value: ArrayLike, channels: Sequence[str]) -> Array:
     if np.any(levels <= 0):
         raise ControlError(f"{name} must be positive, got {levels.tolist()}: a filter without noise has no optimal gain")
     return levels
-
-
-def _sampled_noise(A: Array, G: Array, period: float) -> tuple[Array, Array]:
-    """exp(A h) and the covariance that white noise through G adds over h (Van Loan 1978)."""
-    n = len(A)
-    block = np.block([[-A, G @ G.T], [np.zeros((n, n)), A.T]]) * period
-    exponential = scipy.linalg.expm(block)
-    A_d = exponential[n:, n:].T
-    covariance = A_d @ exponential[:n, n:]
-    return A_d, (covariance + covariance.T) / 2

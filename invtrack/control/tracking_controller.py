@@ -1,4 +1,4 @@
-"""What all controllers around a planned trajectory have in common."""
+"""Feedforward and state feedback around a planned trajectory, and what all controllers around a plan have in common."""
 
 from __future__ import annotations
 
@@ -20,9 +20,11 @@ Array = NDArray[np.float64]
 class PlanFollower(ABC):
     """A plan, feedback gains and a period, checked to fit each other.
 
-    plan: where u_ff and x_ref come from. gains: a GainSchedule, whose switch times may differ from the plan's; a constant gain
-    K (p, n); or None for feedforward alone. period [s]: time between two updates, the input held in between; None: every physics
-    step.
+    Args:
+        plan: where u_ff and x_ref come from.
+        gains: a GainSchedule, whose switch times may differ from the plan's; a constant gain K (p, n); or None for feedforward
+            alone.
+        period: time between two updates [s], the input held in between; None: one in every physics step.
 
     Raises ControlError where the gain's shape does not fit the plan or the period is not positive.
     """
