@@ -14,15 +14,14 @@ from invtrack.errors import RedesignError
 from invtrack.linear.switched import as_switched
 from invtrack.plans.certificate import certify
 from invtrack.plans.ends import actuation_times
-from invtrack.plans.plan import Plan
+from invtrack.plans.plan import Plan, TwoSidedTrajectory
 from invtrack.plans.problem import deviation_reference
-from invtrack.redesign.limited.first_window import LimitedProblem
+from invtrack.redesign.limited.discretization import Tail
 from invtrack.redesign.limited.limit_check import ActiveLimit, active_limits
-from invtrack.redesign.limited.tails import Tail, tails_of
-from invtrack.redesign.limited.window import KEPT, LimitedSolution, free_excess, solve_limited
+from invtrack.redesign.limited.window import KEPT, LimitedProblem, LimitedSolution, free_excess, solve_limited
 from invtrack.redesign.limits import Bound, Limits, bounds_of
 from invtrack.redesign.quadratic import ACCURACY, quadratic_redesign
-from invtrack.redesign.weights import as_weights
+from invtrack.redesign.weights import Weights, as_weights
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -35,10 +34,13 @@ LEAST_MARGIN = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ConstrainedTrajectory(Plan):
-    """A plan with limits. active: the limits that it touches, and when. step [s]: longest over which the input is linear.
+    """A plan with limits.
 
-    overshoot: largest excess of any limit anywhere, as a share of the limit's size; zero where all are kept. Where no limit is
-    active, step is zero: the plan is the optimum without limits, in closed form.
+    Args:
+        active: the limits that it touches, and when.
+        overshoot: largest excess of any limit anywhere, as a share of the limit's size; zero where all are kept.
+        step: longest time over which the input is linear [s]. Zero where no limit is active: the plan is then the optimum without
+            limits, in closed form.
     """
 
     active: tuple[ActiveLimit, ...] = field(default=())
@@ -72,8 +74,17 @@ def constrained_redesign(
     As `step` goes to zero the plan tends to the optimum among all inputs, its cost and its input with an error of order step^2 away
     from the instants at which a limit begins or ceases to act.
 
-    model, reference, R, Q_x, Q_y, tolerance, max_preactuation: as in `quadratic_redesign`. step [s]: by default such that linear
-    interpolation of the optimal input without limits misses it by 1e-5 of its peak (up to 1e-3 where that takes many steps).
+    Args:
+        model: StateSpace, SwitchedSystem, or anything with A, B, C, D.
+        reference: wanted outputs, absolute, in their units, held still before and after the manoeuvre.
+        R: weight of the inputs (p, p), positive definite; a number stands for that multiple of the identity, here and below.
+        Q_x: weight of the states (n, n), positive semidefinite.
+        Q_y: weight of the output errors (p, p), positive semidefinite.
+        limits: what the plan must never exceed.
+        step: longest time over which the input is linear [s]; by default such that linear interpolation of the optimal input
+            without limits misses it by 1e-5 of its peak (up to 1e-3 where that takes many steps).
+        tolerance: share of its peak below which what is left of the plan before its start and after its end counts as rest.
+        max_preactuation: longest time before the manoeuvre at which the plan may start [s]; None: as long as the tolerance asks.
 
     Raises what `quadratic_redesign` does, and RedesignError for limits that make no sense, that the plan at rest before or after
     the manoeuvre does not keep, or that cannot be kept all at once: which conflict and how far one has to give way.
@@ -84,16 +95,40 @@ def constrained_redesign(
         require_duration("step", step, error=RedesignError)
     plant = as_switched(model)
     bounds = bounds_of(limits, plant)
-    free = quadratic_redesign(plant, reference, R=R, Q_x=Q_x, Q_y=Q_y, tolerance=tolerance, max_preactuation=max_preactuation)
     weights = as_weights(plant, R=R, Q_x=Q_x, Q_y=Q_y)
-    (before, v_before), (after, v_after) = tails_of(free.trajectory, weights)
-    _require_rest_within((before, after), bounds)
-    deviation = deviation_reference(plant, reference)
-    problem = LimitedProblem(plant, deviation, weights, bounds, free.trajectory, (before, after), (v_before, v_after))
+    free = quadratic_redesign(
+        plant, reference, R=weights.R, Q_x=weights.Q_x, Q_y=weights.Q_y, tolerance=tolerance, max_preactuation=max_preactuation
+    )
+    tails, v = _tails(free.trajectory, weights)
+    _require_rest_within(tails, bounds)
+    problem = LimitedProblem(
+        plant=plant,
+        reference=deviation_reference(plant, reference),
+        weights=weights,
+        bounds=bounds,
+        free=free.trajectory,
+        tails=tails,
+        v=v,
+    )
     if free_excess(problem) <= KEPT:
         return _unlimited(free)
-    solution = solve_limited(problem, step)
-    return _plan(problem, solution, reference, tolerance, max_preactuation)
+    return _plan(problem, solve_limited(problem, step), free, max_preactuation)
+
+
+def _tails(optimum: TwoSidedTrajectory, weights: Weights) -> tuple[tuple[Tail, Tail], tuple[Array, Array]]:
+    """The tails before and after an optimum without limits, and the v that each has there."""
+    before, after = (optimum.generators[optimum.kind[place]] for place in (0, -1))
+    ends = (
+        (-before.M_b, before.X_b, optimum.v_b[0, : len(before.M_b)], -1),
+        (after.M_f, after.X_f, optimum.v_f[-1, : len(after.M_f)], 1),
+    )
+    tails, v = [], []
+    for M, X, state, direction in ends:  # state [s; 1] with s' = M_s s + M_1: relative to where s comes to rest
+        rest = -np.linalg.solve(M[:-1, :-1], M[:-1, -1]) * state[-1]
+        held = X[:, :-1] @ rest + X[:, -1] * state[-1]
+        tails.append(Tail(M[:-1, :-1], X[:, :-1], held, direction, weights))
+        v.append(state[:-1] - rest)
+    return (tails[0], tails[1]), (v[0], v[1])
 
 
 def _unlimited(free: Plan) -> ConstrainedTrajectory:
@@ -102,12 +137,10 @@ def _unlimited(free: Plan) -> ConstrainedTrajectory:
     return ConstrainedTrajectory(**{**inherited, "method": METHOD, "remarks": remarks})
 
 
-def _plan(
-    problem: LimitedProblem, solution: LimitedSolution, reference: PiecewiseSignal, tolerance: float, limit: float | None
-) -> ConstrainedTrajectory:
-    """The solution with its ends, its certificate and what a user should know."""
+def _plan(problem: LimitedProblem, solution: LimitedSolution, free: Plan, max_preactuation: float | None) -> ConstrainedTrajectory:
+    """The solution with its ends, its certificate and what a user should know; `free`: the plan without limits."""
     trajectory, manoeuvre = solution.trajectory, problem.reference.manoeuvre
-    preactuation, postactuation, remarks = _actuation_times(problem, solution, tolerance, limit)
+    preactuation, postactuation, remarks = _actuation_times(problem, solution, free.tolerance, max_preactuation)
     span = (manoeuvre[0] - preactuation, manoeuvre[1] + postactuation)
     certificate = certify(problem.plant, trajectory, problem.reference, span)
     worst = max(certificate.dynamics_residual, certificate.continuity)
@@ -121,12 +154,12 @@ def _plan(
     return ConstrainedTrajectory(
         method=METHOD,
         model=problem.plant,
-        reference=reference,
+        reference=free.reference,
         trajectory=trajectory,
         manoeuvre=manoeuvre,
         preactuation=preactuation,
         postactuation=postactuation,
-        tolerance=tolerance,
+        tolerance=free.tolerance,
         certificate=certificate,
         remarks=(
             *remarks,

@@ -142,6 +142,14 @@ def test_a_jump_between_equal_plants_changes_nothing() -> None:
     assert_close(limited(SwitchedSystem([NONMINIMUM, copy], [2.5]))(TIMES).u, plain_plan()(TIMES).u)
 
 
+def test_a_model_that_recurs_may_be_one_object_or_several() -> None:
+    again = StateSpace(NONMINIMUM.A, NONMINIMUM.B, NONMINIMUM.C)
+    one, several = (limited(SwitchedSystem([NONMINIMUM, HEAVIER, last], [0.7, 2.2])) for last in (NONMINIMUM, again))
+    assert np.array_equal(one.breakpoints, several.breakpoints)
+    assert_close(one.states(TIMES), several.states(TIMES))
+    assert_close(one.inputs(TIMES), several.inputs(TIMES))
+
+
 def test_a_plant_follows_the_plan() -> None:
     plan = limited(SwitchedSystem([NONMINIMUM, HEAVIER], [1.25]), limits=Limits(input=1.0, input_rate=2.0))
     run = simulate(LinearPlant(plan.model), TrackingController(plan, lqr(plan.model, Q=1.0, R=1.0)), timestep=0.01)

@@ -1,4 +1,4 @@
-"""Instants at which limits on states and outputs are imposed."""
+"""Limits against a trajectory: where they are imposed, by how much they are exceeded, and where the plan touches them."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from invtrack.linear.propagation import flow
 from invtrack.plans.plan import TwoSidedTrajectory
-from invtrack.redesign.limited.discretization import Grid
-from invtrack.redesign.limited.tails import Tail
+from invtrack.redesign.limited.discretization import Grid, Tail
 from invtrack.redesign.limits import Bound
 
 Array = NDArray[np.float64]
@@ -51,7 +50,7 @@ class PathPoints:
 def grid_points(grid: Grid, bounds: Sequence[Bound]) -> PathPoints:
     """Every limit on states and outputs at the start of every step, and at the end of those where the next one differs."""
     steps = len(grid.kind)
-    switches = np.flatnonzero(np.diff([id(grid.steps[k].system) for k in grid.kind]))
+    switches = np.flatnonzero(np.diff(grid.owner))
     ends = np.unique(np.concatenate([grid.jumps - 1, switches, [steps - 1]]))
     step = np.concatenate([np.arange(steps), ends])
     share = np.concatenate([np.zeros(steps), np.ones(len(ends))])

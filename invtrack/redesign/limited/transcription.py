@@ -1,4 +1,4 @@
-"""Sparse matrices as sums of small blocks that repeat."""
+"""Discretized plan and limits as a quadratic programme, and its answer as a trajectory."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from scipy.sparse import csr_array
 
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.plan import TwoSidedGenerator, TwoSidedTrajectory
-from invtrack.redesign.limited.discretization import Grid
+from invtrack.redesign.limited.discretization import Grid, Tail, ramp
 from invtrack.redesign.limited.limit_check import PathPoints
 from invtrack.redesign.limited.quadratic_program import QuadraticProgram
-from invtrack.redesign.limited.tails import Tail
 from invtrack.redesign.limits import Bound
 
 Array = NDArray[np.float64]
@@ -138,13 +137,9 @@ class Transcription:
         before, after = z[:n], z[n : 2 * n]
         x = z[self.x_columns(np.arange(len(grid.times)))]
         u = z[2 * n + x.size :].reshape(-1, p)
-        systems = {id(step.system): step.system for step in grid.steps}
-        generators = [_ramp_generator(system) for system in systems.values()]
-        generators += [tail.generator() for tail in self.tails]
-        numbers = {key: k for k, key in enumerate(systems)}
-        kind = np.concatenate(
-            [[len(systems)], np.array([numbers[id(step.system)] for step in grid.steps])[grid.kind], [len(systems) + 1]]
-        )
+        inner = len(grid.systems)
+        generators = [*map(_ramp_generator, grid.systems), *(tail.generator() for tail in self.tails)]
+        kind = np.concatenate([[inner], grid.owner, [inner + 1]])
         v_f, v_b = np.zeros((len(kind), n + 2 * p)), np.zeros((len(kind), n + 2 * p))
         first, last = u[grid.first], u[grid.last]
         v_f[1:-1] = np.hstack([x[:-1], first, (last - first) / np.diff(grid.times)[:, None]])
@@ -206,8 +201,6 @@ class Transcription:
 def _ramp_generator(system: StateSpace) -> TwoSidedGenerator:
     """[x; u; y] of a plant whose input changes at a constant rate: states [x; u; u']."""
     n, p = system.n_states, system.n_channels
-    M = np.zeros((n + 2 * p, n + 2 * p))
-    M[:n, :n], M[:n, n : n + p], M[n : n + p, n + p :] = system.A, system.B, np.eye(p)
     X = np.eye(n + 2 * p)
     X[n + p :] = np.hstack([system.C, system.D, np.zeros((p, p))])
-    return TwoSidedGenerator(M, X, np.zeros((0, 0)), np.zeros((n + 2 * p, 0)))
+    return TwoSidedGenerator(ramp(system, 1.0), X, np.zeros((0, 0)), np.zeros((n + 2 * p, 0)))

@@ -1,4 +1,4 @@
-"""The window within which a plan is limited: as wide as it must be, with limits imposed at as many instants as it takes."""
+"""The best plan within limits: a window as wide as it must be, with limits imposed at as many instants as it takes."""
 
 from __future__ import annotations
 
@@ -8,15 +8,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import RedesignError
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.ends import decay_time
 from invtrack.plans.plan import TwoSidedTrajectory
-from invtrack.redesign.limited.discretization import make_grid
-from invtrack.redesign.limited.first_window import SAMPLES, LimitedProblem, first_window, require_steps, window_edges
-from invtrack.redesign.limited.limit_check import PathPoints, grid_points, tail_excess, values_between, worst_within_steps
+from invtrack.redesign.limited.discretization import Tail, make_grid, step_counts
+from invtrack.redesign.limited.limit_check import (
+    PathPoints,
+    differentiated,
+    grid_points,
+    tail_excess,
+    values_between,
+    worst_within_steps,
+)
 from invtrack.redesign.limited.quadratic_program import QuadraticProgram, SolverGaveUpError, explain
 from invtrack.redesign.limited.transcription import Transcription
 from invtrack.redesign.limits import Bound
+from invtrack.redesign.weights import Weights
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
+
+TAIL_SHARE = 1e-2
+"""Share of the peak to which the optimum without limits has decayed where the first window ends."""
+
+INTERPOLATION_ERROR = 1e-5
+"""What linear interpolation of the input without limits may miss, as a share of its peak, if no step is stated."""
+
+FEWEST_STEPS, USUAL_MOST_STEPS, MOST_STEPS = 200, 4000, 40_000
+"""Steps of the first window if no step is stated; and of any window."""
+
+COARSER = 10.0
+"""By how much a step may be longer than the interpolation error asks for where the first window would have too many."""
+
+SAMPLES = 4000
+"""Instants, about, at which the optimum without limits is looked at."""
 
 KEPT = 1e-9
 """A limit counts as kept where it is exceeded by no more than this share of its size."""
@@ -38,6 +63,29 @@ MOST_COARSENINGS = 4
 
 MOST_ROUNDS = 40
 """Windows and sets of instants that are tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class LimitedProblem:
+    """What is to be planned.
+
+    Args:
+        plant: with any number of switch times.
+        reference: wanted outputs, as deviations from the operating point, with breakpoints at all jumps of the plant.
+        weights: of the cost.
+        bounds: the limits.
+        free: the optimum without them.
+        tails: what lies before and after the window.
+        v: the states (n,) of both tails at the manoeuvre's ends, without limits.
+    """
+
+    plant: SwitchedSystem
+    reference: PiecewiseSignal
+    weights: Weights
+    bounds: tuple[Bound, ...]
+    free: TwoSidedTrajectory
+    tails: tuple[Tail, Tail]
+    v: tuple[Array, Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +117,7 @@ def solve_limited(problem: LimitedProblem, step: float | None) -> LimitedSolutio
     """
     if step is not None:
         return _solve_with(problem, step)
-    length = first_window(problem, None)[2]
+    length = _first_window(problem, None)[2]
     for _ in range(MOST_COARSENINGS):
         try:
             return _solve_with(problem, length)
@@ -80,7 +128,7 @@ def solve_limited(problem: LimitedProblem, step: float | None) -> LimitedSolutio
 
 def _solve_with(problem: LimitedProblem, step: float) -> LimitedSolution:
     """Window, programme, and instants at which states are limited, until all limits are kept."""
-    units, margins, length = first_window(problem, step)
+    units, margins, length = _first_window(problem, step)
     task = _transcribe(problem, units, margins, length)
     points = grid_points(task.grid, problem.bounds)
     for _ in range(MOST_ROUNDS):
@@ -107,10 +155,60 @@ def _solve_with(problem: LimitedProblem, step: float) -> LimitedSolution:
     )
 
 
+def _first_window(problem: LimitedProblem, step: float | None) -> tuple[tuple[Array, Array], tuple[float, float], float]:
+    """Units of states and inputs, time [s] before and after the manoeuvre, and the longest step [s]."""
+    n, p = problem.plant.n_states, problem.plant.n_channels
+    start, end = problem.reference.manoeuvre
+    edges = problem.free.breakpoints
+    per_piece = max(33, SAMPLES // len(edges))
+    inner = np.append(np.linspace(edges[:-1], edges[1:], per_piece, endpoint=False, axis=1).ravel(), edges[-1])
+    piece = problem.free.locate(inner)
+    peak = np.max(np.abs(problem.free(inner, piece)), axis=0)
+    before, after = (decay_time(tail.departure(v), peak, TAIL_SHARE) for tail, v in zip(problem.tails, problem.v, strict=True))
+    times = np.concatenate([np.linspace(start - before, start, SAMPLES), inner, np.linspace(end, end + after, SAMPLES)])
+    piece = problem.free.locate(times)
+    first = differentiated(problem.free)
+    values, curvature = problem.free(times, piece), differentiated(first)(times, piece)[:, n : n + p]
+    peak = np.maximum(peak, np.max(np.abs(values), axis=0))
+    units = (_units(peak[:n]), _units(peak[n : n + p]))
+    if step is None:
+        bend = np.max(np.max(np.abs(curvature), axis=0) / units[1])
+        window = times[-1] - times[0]
+        smooth = np.sqrt(8 * INTERPOLATION_ERROR / max(bend, np.finfo(float).tiny))
+        step = float(min(max(smooth, window / USUAL_MOST_STEPS), COARSER * smooth, window / FEWEST_STEPS))
+    before, after = (step * max(10.0, float(np.ceil(margin / step))) for margin in (before, after))  # whole steps: all alike
+    margins = (before, after)
+    _require_steps(problem, margins, step)
+    return units, margins, step
+
+
+def _units(peak: Array) -> Array:
+    """Peaks; where one is but rounding of the others', or nothing moves, the largest."""
+    largest = float(np.max(peak))
+    return np.where(peak > 1e-9 * largest, peak, largest if largest > 0 else 1.0)
+
+
+def _require_steps(problem: LimitedProblem, margins: tuple[float, float], step: float) -> None:
+    """Raises RedesignError for a window of too many steps."""
+    edges = _window_edges(problem, margins)
+    steps = int(np.sum(step_counts(edges, step)))
+    if steps > MOST_STEPS:
+        raise RedesignError(
+            f"limits act from {edges[0]:.6g} to {edges[-1]:.6g} s, which takes {steps} steps of {step:.4g} s, more than "
+            f"{MOST_STEPS}; take a larger step, or loosen the limits"
+        )
+
+
+def _window_edges(problem: LimitedProblem, margins: tuple[float, float]) -> Array:
+    """The breakpoints and, `margins` [s] before and after them, the window's ends."""
+    breaks = problem.reference.breakpoints
+    return np.concatenate([[breaks[0] - margins[0]], breaks, [breaks[-1] + margins[1]]])
+
+
 def _transcribe(
     problem: LimitedProblem, units: tuple[Array, Array], margins: tuple[float, float], step: float | Array
 ) -> Transcription:
-    grid = make_grid(problem.plant, problem.reference, problem.weights, window_edges(problem, margins), step)
+    grid = make_grid(problem.plant, problem.reference, problem.weights, _window_edges(problem, margins), step)
     return Transcription(grid, problem.tails, problem.bounds, *units)
 
 
@@ -128,7 +226,7 @@ def _feasible_margins(
         task = _transcribe(problem, units, margins, steps)
         program, owner = task.program(grid_points(task.grid, problem.bounds))
         if program.solve() is not None:
-            require_steps(problem, margins, step)
+            _require_steps(problem, margins, step)
             return margins
     raise RedesignError(
         f"the limits cannot all be kept, even with {margins[0]:.4g} s before the manoeuvre and {margins[1]:.4g} s after it: "
@@ -150,7 +248,7 @@ def _widened(
         beside = max(float(np.max(bound.excess(value[side]))) for bound, value in zip(problem.bounds, inner, strict=True))
         wider.append(2 * margin if beyond > KEPT or beside > -SNAP else margin)
     if wider != list(margins):
-        require_steps(problem, (wider[0], wider[1]), step)
+        _require_steps(problem, (wider[0], wider[1]), step)
     return wider[0], wider[1]
 
 
