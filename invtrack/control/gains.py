@@ -18,7 +18,7 @@ from invtrack.linear.switched import SwitchedSystem, as_switched
 Array = NDArray[np.float64]
 
 POLE_TOLERANCE = 1e-3
-"""Placed poles must be met to this share of the largest: a mode that no input moves is seen as a miss, not as rounding."""
+"""Placed poles must be met to this share of the largest: a mode that nothing moves is seen as a miss, not as rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,27 +81,36 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
     wanted = stable_poles("poles", poles, plant.n_states, error=ControlError)
 
     def gain(system: StateSpace) -> Array:
-        try:
-            K = placed_gain(system.A, system.B, wanted)
-        except ValueError as error:
-            raise ControlError(f"poles cannot be placed: {error}") from error
-        distance = np.abs(np.linalg.eigvals(system.A - system.B @ K)[:, None] - wanted)
-        miss = max(distance.min(axis=0).max(), distance.min(axis=1).max())
-        if miss > POLE_TOLERANCE * np.max(np.abs(wanted)):
-            raise ControlError(
-                f"poles cannot be placed: they are missed by {miss:.1e}, so the inputs {list(system.input_names)} cannot move "
-                "every mode, or the poles lie too far from those of the plant"
-            )
-        return K
+        advice = f"the inputs {list(system.input_names)} must be able to move every mode"
+        return placed_gain(system.A, system.B, wanted, name="poles", advice=advice)
 
     return _per_interval(plant, gain)
 
 
-def placed_gain(A: Array, B: Array, poles: NDArray[np.complex128]) -> Array:
-    """K (p, n) for which the eigenvalues of A - B K are the `poles` (n,); raises ValueError where a pole repeats too often."""
+def placed_gain(A: Array, B: Array, poles: NDArray[np.complex128], *, name: str, advice: str) -> Array:
+    """K (p, n) for which the eigenvalues of A - B K are the `poles`.
+
+    Args:
+        A: (n, n).
+        B: (n, p).
+        poles: (n,), complex ones in conjugate pairs, none repeated more often than B has columns.
+        name: what messages call them.
+        advice: what must be so that they can be placed.
+
+    Raises ControlError where they cannot be placed, or are missed: a mode that B does not reach stays where it is.
+    """
     from scipy.signal import place_poles  # here, because it takes longer to import than all the rest of the package
 
-    return np.asarray(place_poles(A, B, poles).gain_matrix, dtype=float)
+    remedy = f"{advice}, and none may repeat too often or lie too far from those of the plant"
+    try:
+        K = np.asarray(place_poles(A, B, poles).gain_matrix, dtype=float)
+    except ValueError as error:
+        raise ControlError(f"{name} cannot be placed: {error}; {remedy}") from error
+    distance = np.abs(np.linalg.eigvals(A - B @ K)[:, None] - poles)
+    miss = max(distance.min(axis=0).max(), distance.min(axis=1).max())
+    if not miss <= POLE_TOLERANCE * np.max(np.abs(poles)):
+        raise ControlError(f"{name} cannot be placed: they are missed by {miss:.1e}; {remedy}")
+    return K
 
 
 def _per_interval(plant: SwitchedSystem, design: Callable[[StateSpace], Array]) -> GainSchedule:

@@ -41,12 +41,8 @@ class LuenbergerObserver:
         wanted = stable_poles("observer poles", self.poles, system.n_states, error=ControlError)
         A_d, _ = zero_order_hold(system.A, np.zeros((system.n_states, 0)), period)
         C_m = measured(system).C
-        try:
-            return placed_gain(A_d.T, (C_m @ A_d).T, np.exp(wanted * period)).T
-        except ValueError as error:
-            raise ControlError(
-                f"observer poles cannot be placed: {error}; are the measurements enough to see every mode?"
-            ) from error
+        advice = f"the measurements {list(system.measurement.names)} must show every mode"
+        return placed_gain(A_d.T, (C_m @ A_d).T, np.exp(wanted * period), name="observer poles", advice=advice).T
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,7 +24,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class EstimatorDesign:
-    """What a hold needs: K (p, n), M (n, m), C_m (m, n), and the plant's step over it, x <- A_d x + B_d (u - u0)."""
+    """What a hold needs.
+
+    Args:
+        K: feedback gain (p, n).
+        M: correction (n, m) by what was measured at the start of the hold.
+        C_m: what is measured of the state (m, n).
+        A_d: the plant's step over the hold, x <- A_d x + B_d (u - u0): (n, n).
+        B_d: (n, p).
+    """
 
     K: Array
     M: Array

@@ -1,4 +1,4 @@
-"""What a plan must never exceed, and the same as rows of numbers."""
+"""Hard limits of a plan, as a user states them and as rows of numbers."""
 
 from __future__ import annotations
 
@@ -56,7 +56,13 @@ class Limits:
 class Bound:
     """low <= row [x; u; y] <= high, of deviations; for an input's rate, of the derivative of [x; u; y].
 
-    row (n + 2 p,); offset: what the row is at the operating point, so that absolute limits are low + offset and high + offset.
+    Args:
+        name: what messages call it.
+        kind: an input and its rate keep their limits at every instant, a "path" of outputs or states where it is imposed.
+        row: (n + 2 p,).
+        low: smallest value, or minus infinity.
+        high: largest value, or infinity.
+        offset: the row's value at the operating point, so that absolute limits are low + offset and high + offset.
     """
 
     name: str

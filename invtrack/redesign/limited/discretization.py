@@ -89,10 +89,16 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class Tail:
-    """[x; u; y] = held + X exp(M sigma) v at distance sigma [s] from the window, M stable, any v (n,).
+    """[x; u; y] = held + X exp(M sigma) v at distance sigma [s] from the window, for any v (n,): an optimum without limits.
 
-    direction: -1 where distance runs backward in time from the window's start, 1 where it runs forward from its end. weights: those
-    of the optimum. Where the optimum holds still it costs nothing, so the cost is quadratic in v alone.
+    Where it holds still it costs nothing, so that its cost is quadratic in v alone.
+
+    Args:
+        M: (n, n), stable.
+        X: (n + 2 p, n).
+        held: [x; u; y] (n + 2 p,) at rest.
+        direction: -1 where the distance runs backward in time from the window's start, 1 where it runs forward from its end.
+        weights: those of the optimum.
     """
 
     M: Array

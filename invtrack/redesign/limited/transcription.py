@@ -43,7 +43,12 @@ def sparse_sum(entries: Sequence[Entries], shape: tuple[int, int]) -> csr_array:
 class Transcription:
     """The unknowns z = [v before; v after; x at the grid's times; u at its nodes], in units in which they are about one.
 
-    state_unit (n,), input_unit (p,): those of x and u; each v has the unit in which it moves x and u by about one.
+    Args:
+        grid: steps within the window.
+        tails: what lies before and after it; each v has the unit in which it moves x and u by about one.
+        bounds: the limits.
+        state_unit: units of the states (n,).
+        input_unit: units of the inputs (p,).
     """
 
     grid: Grid
