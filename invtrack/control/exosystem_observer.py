@@ -5,16 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from invtrack.channels import Channels
 from invtrack.control.observer import Observer
-from invtrack.control.protocol import Instants, Segments
+from invtrack.control.protocol import Instants, Segments, numbered
 from invtrack.errors import ControlError
 from invtrack.linear.hidden_modes import hidden_modes
 from invtrack.linear.propagation import Propagator
 from invtrack.linear.state_space import Measurement, StateSpace
+from invtrack.linear.zero_order_hold import held_through
 from invtrack.references.exosystem import Exosystem
 
 Array = NDArray[np.float64]
@@ -23,10 +23,10 @@ Array = NDArray[np.float64]
 class ExosystemObserver:
     """x_hat_e = x_prior + M (y_d - C_e x_prior), x_prior <- exp(A_e h) x_hat_e: a current estimator on samples of y_d.
 
-    observer: designs M for each interval of the exosystem and each hold h. LuenbergerObserver(poles): the q poles of the estimation
-    error, the same in every interval. KalmanFilter(input_noise, measurement_noise): white noise that acts on each of the q states,
-    and that of a sample. Where the exosystem stands still (A_e = 0) and its output does not tell its state, such as before it
-    starts and after it has ended, the estimate stays as it is.
+    observer designs M for each interval of the exosystem and each hold h: LuenbergerObserver(poles) from the q poles of the
+    estimation error, the same in every interval; KalmanFilter(input_noise, measurement_noise) from white noise that acts on each of
+    the q states, and from that of a sample. Where the exosystem stands still (A_e = 0) and its output does not tell its state, such
+    as before it starts and after it has ended, the estimate stays as it is.
 
     Raises ControlError where the exosystem moves and has a mode that y_d does not show. Source: Devasia, Paden, Rossi 1996,
     section 4 and Figure 3.
@@ -53,10 +53,8 @@ class ExosystemObserver:
 
         y_d does not depend on the plant, so the estimates for a whole run are known before the plant moves.
         """
-        segments = instants.segments(self.exosystem.interval)
-        number_of = {hold: number for number, hold in enumerate(dict.fromkeys(segments))}
-        which = np.array([number_of[hold] for hold in segments])
-        designs = [self._design(hold) for hold in number_of]
+        holds, which = numbered(instants.segments(self.exosystem.interval))
+        designs = [self._design(hold) for hold in holds]
         prior = np.empty((len(samples), len(initial)))
         added = np.empty_like(prior)
         for number, design in enumerate(designs):
@@ -79,9 +77,7 @@ class ExosystemObserver:
             # As inputs, so that a Kalman filter's noise may act on every state.
             seen = Measurement(C, np.zeros((p, q)), Channels.numbered("y_d", p), np.zeros(p))
             M = self.observer.gain(StateSpace(A, np.eye(q), np.eye(q), measurement=seen), length)
-        transition = np.eye(q)
-        for interval, duration in hold:
-            transition = scipy.linalg.expm(self.exosystem.A[interval] * duration) @ transition
+        transition, _ = held_through((self.exosystem.A[i], np.zeros((q, 0)), duration) for i, duration in hold)
         return _Design(C, M, transition @ (np.eye(q) - M @ C), transition @ M)
 
 

@@ -11,6 +11,7 @@ import scipy  # loads scipy.signal, which costs a second, at its first use
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import increasing_times, real_weight, stable_poles
 from invtrack.errors import ControlError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
@@ -18,7 +19,7 @@ from invtrack.linear.switched import SwitchedSystem, as_switched
 Array = NDArray[np.float64]
 
 POLE_TOLERANCE = 1e-3
-"""Placed poles must be met to this share of the largest: a mode that no input moves is seen as a miss, not as rounding."""
+"""Placed poles must be met to this share of the largest: a mode that nothing moves is seen as a miss, not as rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +36,7 @@ class GainSchedule:
                 f"expected one gain more than switch times, all of one shape; got gains of shapes {shapes} and "
                 f"{len(self.switch_times)} switch times"
             )
-        if not (np.all(np.isfinite(self.switch_times)) and np.all(np.diff(self.switch_times) > 0)):
-            raise ControlError(f"switch times of gains must be finite and increase, got {np.asarray(self.switch_times).tolist()}")
+        increasing_times("switch times of gains", self.switch_times, error=ControlError)
         if not all(np.all(np.isfinite(gain)) for gain in self.gains):
             raise ControlError("a gain has entries that are not finite")
 
@@ -54,7 +54,8 @@ def lqr(model: Any, *, Q: ArrayLike, R: ArrayLike) -> GainSchedule:
     """
     plant = as_switched(model)
     n, p = plant.n_states, plant.n_channels
-    state_weight, input_weight = _weight("Q", Q, n, strict=False), _weight("R", R, p, strict=True)
+    state_weight = real_weight("Q", Q, n, meaning=f"states {list(plant.states.names)}", error=ControlError)
+    input_weight = real_weight("R", R, p, meaning=f"inputs {list(plant.inputs.names)}", definite=True, error=ControlError)
 
     def gain(system: StateSpace) -> Array:
         try:
@@ -78,26 +79,39 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
     Raises ControlError for a wrong number of poles, poles right of the axis, or a plant whose modes cannot all be moved.
     """
     plant = as_switched(model)
-    n = plant.n_states
-    wanted = np.array(poles, dtype=complex)
-    if wanted.shape != (n,) or np.any(wanted.real >= 0):
-        raise ControlError(f"expected {n} poles left of the imaginary axis, got {wanted.tolist()}")
+    wanted = stable_poles("poles", poles, plant.n_states, error=ControlError)
 
     def gain(system: StateSpace) -> Array:
-        try:
-            K = np.asarray(scipy.signal.place_poles(system.A, system.B, wanted).gain_matrix, dtype=float)
-        except ValueError as error:
-            raise ControlError(f"poles cannot be placed: {error}") from error
-        distance = np.abs(np.linalg.eigvals(system.A - system.B @ K)[:, None] - wanted)
-        miss = max(distance.min(axis=0).max(), distance.min(axis=1).max())
-        if miss > POLE_TOLERANCE * np.max(np.abs(wanted)):
-            raise ControlError(
-                f"poles cannot be placed: they are missed by {miss:.1e}, so the inputs {list(system.inputs.names)} cannot move "
-                "every mode, or the poles lie too far from those of the plant"
-            )
-        return K
+        advice = f"the inputs {list(system.inputs.names)} must be able to move every mode"
+        return placed_gain(system.A, system.B, wanted, name="poles", advice=advice)
 
     return _per_interval(plant, gain)
+
+
+def placed_gain(A: Array, B: Array, poles: NDArray[np.complex128], *, name: str, advice: str) -> Array:
+    """K (p, n) for which the eigenvalues of A - B K are the `poles`.
+
+    Args:
+        A: (n, n).
+        B: (n, p).
+        poles: (n,), complex ones in conjugate pairs, none repeated more often than B has columns.
+        name: what messages call them.
+        advice: what must be so that they can be placed.
+
+    Raises ControlError where they cannot be placed, or are missed: a mode that B does not reach stays where it is.
+    """
+    from scipy.signal import place_poles  # here, because it takes longer to import than all the rest of the package
+
+    remedy = f"{advice}, and none may repeat too often or lie too far from those of the plant"
+    try:
+        K = np.asarray(place_poles(A, B, poles).gain_matrix, dtype=float)
+    except ValueError as error:
+        raise ControlError(f"{name} cannot be placed: {error}; {remedy}") from error
+    distance = np.abs(np.linalg.eigvals(A - B @ K)[:, None] - poles)
+    miss = max(distance.min(axis=0).max(), distance.min(axis=1).max())
+    if not miss <= POLE_TOLERANCE * np.max(np.abs(poles)):
+        raise ControlError(f"{name} cannot be placed: they are missed by {miss:.1e}; {remedy}")
+    return K
 
 
 def _per_interval(plant: SwitchedSystem, design: Callable[[StateSpace], Array]) -> GainSchedule:
@@ -109,16 +123,3 @@ def _per_interval(plant: SwitchedSystem, design: Callable[[StateSpace], Array]) 
         return K
 
     return GainSchedule(plant.map(stabilizing), plant.switch_times)
-
-
-def _weight(name: str, value: ArrayLike, size: int, *, strict: bool) -> Array:
-    matrix = np.asarray(value, dtype=float)
-    matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
-    if matrix.shape != (size, size) or not np.allclose(matrix, matrix.T):
-        raise ControlError(f"{name} must be a number or a symmetric ({size}, {size}) matrix, got shape {matrix.shape}")
-    smallest = np.linalg.eigvalsh(matrix)[0]
-    if smallest < -1e-12 * np.linalg.norm(matrix) or (strict and smallest <= 0):
-        raise ControlError(
-            f"{name} must be positive {'definite' if strict else 'semidefinite'}, its smallest eigenvalue is {smallest:.3g}"
-        )
-    return matrix

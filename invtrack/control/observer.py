@@ -11,8 +11,11 @@ import scipy  # loads scipy.signal, which costs a second, at its first use
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import real_numbers, real_vector, stable_poles
+from invtrack.control.gains import placed_gain
 from invtrack.errors import ControlError
 from invtrack.linear.state_space import StateSpace
+from invtrack.linear.zero_order_hold import sampled_noise, zero_order_hold
 
 Array = NDArray[np.float64]
 
@@ -36,18 +39,11 @@ class LuenbergerObserver:
 
     def gain(self, system: StateSpace, period: float) -> Array:
         """M (n, m) with eig(A_d - M C_m A_d) = exp(poles period). Raises ControlError where the poles cannot be placed."""
-        wanted = np.array(self.poles, dtype=complex)
-        if wanted.shape != (system.n_states,) or np.any(wanted.real >= 0):
-            raise ControlError(f"expected {system.n_states} observer poles left of the imaginary axis, got {wanted.tolist()}")
-        A_d = scipy.linalg.expm(system.A * period)
+        wanted = stable_poles("observer poles", self.poles, system.n_states, error=ControlError)
+        A_d, _ = zero_order_hold(system.A, np.zeros((system.n_states, 0)), period)
         C_m = measured(system).C
-        try:
-            placed = scipy.signal.place_poles(A_d.T, (C_m @ A_d).T, np.exp(wanted * period))
-        except ValueError as error:
-            raise ControlError(
-                f"observer poles cannot be placed: {error}; are the measurements enough to see every mode?"
-            ) from error
-        return np.asarray(placed.gain_matrix.T, dtype=float)
+        advice = f"the measurements {list(system.measurement.channels.names)} must show every mode"
+        return placed_gain(A_d.T, (C_m @ A_d).T, np.exp(wanted * period), name="observer poles", advice=advice).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +60,9 @@ class KalmanFilter:
     def gain(self, system: StateSpace, period: float) -> Array:
         """M (n, m) from the discrete Riccati equation. Raises ControlError where it has no stabilizing solution."""
         C_m = measured(system).C
-        m = len(C_m)
-        intensity = np.broadcast_to(np.asarray(self.input_noise, dtype=float), (system.n_channels,))
-        deviation = np.broadcast_to(np.asarray(self.measurement_noise, dtype=float), (m,))
-        if np.any(intensity <= 0) or np.any(deviation <= 0):
-            raise ControlError("noise levels must be positive: a filter without noise has no optimal gain")
-        A_d, Q_d = _sampled_noise(system.A, system.B * intensity, period)
+        intensity = _levels("input_noise", self.input_noise, system.inputs.names)
+        deviation = _levels("measurement_noise", self.measurement_noise, system.measurement.channels.names)
+        A_d, Q_d = sampled_noise(system.A, system.B * intensity, period)
         try:
             P = scipy.linalg.solve_discrete_are(A_d.T, C_m.T, Q_d, np.diag(deviation**2))
         except (np.linalg.LinAlgError, ValueError) as error:
@@ -86,11 +79,10 @@ def measured(system: StateSpace) -> Any:
     return system.measurement
 
 
-def _sampled_noise(A: Array, G: Array, period: float) -> tuple[Array, Array]:
-    """exp(A h) and the covariance that white noise through G adds over h (Van Loan 1978)."""
-    n = len(A)
-    block = np.block([[-A, G @ G.T], [np.zeros((n, n)), A.T]]) * period
-    exponential = scipy.linalg.expm(block)
-    A_d = exponential[n:, n:].T
-    covariance = A_d @ exponential[:n, n:]
-    return A_d, (covariance + covariance.T) / 2
+def _levels(name: str, value: ArrayLike, channels: Sequence[str]) -> Array:
+    """Standard deviations, one for each channel; a number stands for all of them."""
+    levels = real_numbers(name, value, error=ControlError)
+    levels = real_vector(name, np.full(len(channels), levels) if levels.ndim == 0 else levels, channels, error=ControlError)
+    if np.any(levels <= 0):
+        raise ControlError(f"{name} must be positive, got {levels.tolist()}: a filter without noise has no optimal gain")
+    return levels

@@ -108,7 +108,7 @@ def _same_plant(results: Sequence[RunResult]) -> RunResult:
             mine, theirs = getattr(first, what), getattr(other, what)
             if mine.channels != theirs.channels:
                 raise InvtrackError(
-                    f"run {other.name!r} has the {what} channels {theirs.channels}, expected those of {first.name!r}, {mine.channels}; "
-                    "compare runs of one plant"
+                    f"run {other.name!r} has the {what} channels {theirs.channels}, expected those of {first.name!r}, "
+                    f"{mine.channels}; compare runs of one plant"
                 )
     return first

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.channels import Channels
+from invtrack.checks import increasing_times
 from invtrack.errors import ModelError
 from invtrack.linear.state_space import OperatingPoint, StateSpace, as_state_space
 
@@ -41,11 +42,9 @@ class SwitchedSystem:
 
     def __init__(self, systems: Sequence[Any], switch_times: ArrayLike = ()) -> None:
         models = tuple(as_state_space(system) for system in systems)
-        times = np.array(switch_times, dtype=float).reshape(-1)
+        times = increasing_times("switch times", switch_times, error=ModelError)
         if len(models) != len(times) + 1:
             raise ModelError(f"expected one more system than switch times, got {len(models)} systems and {len(times)} switch times")
-        if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
-            raise ModelError(f"switch times must be finite and increase, got {times.tolist()}")
         for k, model in enumerate(models[1:], start=1):
             _require_same_frame(models[0], model, k)
         times.setflags(write=False)

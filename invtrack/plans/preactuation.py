@@ -60,7 +60,7 @@ def input_growth(plan: Plan) -> InputGrowth:
             "the plan is not at rest before its manoeuvre: the reference moves there for ever; let it hold still before its start"
         )
     u_rest = u_0 + tail.held[rows]
-    if not len(tail.v):
+    if not tail.departs:
         return _none(u_rest)
     A, X, z = -tail.M, tail.X[rows], tail.v
     rates, vectors = np.linalg.eig(A)

@@ -50,7 +50,7 @@ class Tail:
     @cached_property
     def pace(self) -> float:
         """How fast the values can change [rad/s]."""
-        return max((pace_of(M) for M in (self.M, self.S) if M.size), default=0.0)
+        return max(pace_of(self.S), pace_of(self.M) if self.departs else 0.0)
 
     @property
     def held(self) -> Array:
@@ -63,18 +63,22 @@ class Tail:
         return not np.any(np.abs(self.S @ self.w) > AT_REST * np.abs(self.S) @ np.abs(self.w))
 
     @property
+    def departs(self) -> bool:
+        """Whether there is anything but the particular solution. (Where there is not, M may well be unstable.)"""
+        return bool(np.any(self.v))
+
+    @property
     def lasts(self) -> bool:
         """Whether the departure does not die out."""
-        return len(self.v) > 0 and bool(np.max(np.linalg.eigvals(self.M).real) >= 0)
+        return self.departs and bool(np.max(np.linalg.eigvals(self.M).real) >= 0)
 
     def values(self, distance: Array, rows: slice, resolution: float) -> Array:
         """Values (m, rows) at distances (m,) [s]; resolution [s]: how far these may be off as they are."""
         owner = np.zeros(len(distance), dtype=np.intp)
-        parts = ((self._propagators[0], self.X, self.v), (self._propagators[1], self.X_w, self.w))
-        result = np.zeros((len(distance), len(self.X_w[rows])))
-        for propagator, X, v in parts:
-            if len(v):
-                result += propagator.outputs(X[rows], v[np.newaxis], owner, distance, resolution=resolution)
+        departure, particular = self._propagators
+        result = particular.outputs(self.X_w[rows], self.w[np.newaxis], owner, distance, resolution=resolution)
+        if self.departs:
+            result += departure.outputs(self.X[rows], self.v[np.newaxis], owner, distance, resolution=resolution)
         return result
 
     def derivative(self) -> Tail:
@@ -85,13 +89,9 @@ class Tail:
         """The tail whose values are M (., r) times this one's."""
         return replace(self, X=M @ self.X, X_w=M @ self.X_w)
 
-    def without_departure(self) -> Tail:
-        """The particular solution alone."""
-        return replace(self, M=np.zeros((0, 0)), X=self.X[:, :0], v=np.zeros(0))
-
     def shares(self, distance: Array, peak: Array) -> Array:
         """Largest |departure| at each distance (m,) [s], as a share of each value's peak (r,)."""
-        if not len(self.v):
+        if not self.departs:
             return np.zeros(len(distance))
         values = np.abs(flow(self.M, np.broadcast_to(self.v, (len(distance), len(self.v))), distance) @ self.X.T)
         size = np.maximum(peak, values.max(axis=0, initial=0.0))
@@ -99,7 +99,7 @@ class Tail:
 
     def decay_time(self, peak: Array, tolerance: float) -> float:
         """Distance [s] beyond which every value's departure stays below `tolerance` times its peak (r,); infinite if it lasts."""
-        if not len(self.v):
+        if not self.departs:
             return 0.0
         rate = -float(np.max(np.linalg.eigvals(self.M).real))
         if rate <= 0:

@@ -126,14 +126,14 @@ class DrivenSystem:
         steady_f, steady_b = self.steady()
         forward, backward = self.system.forward, self.system.backward
         X_w = self.X_w + forward.X @ steady_f + backward.X @ steady_b
-        return _tail(-1, -backward.A, backward.X, z_b - steady_b @ w, self.S, X_w, w)
+        return Tail(-1, -backward.A, backward.X, z_b - steady_b @ w, self.S, X_w, w)
 
     def tail_after(self, w: Array, z_f: Array) -> Tail:
         """The tail after a manoeuvre at whose end the forward part is z_f: z_b steady, z_f on its way to its steady value."""
         steady_f, steady_b = self.steady()
         forward, backward = self.system.forward, self.system.backward
         X_w = self.X_w + forward.X @ steady_f + backward.X @ steady_b
-        return _tail(1, forward.A, forward.X, z_f - steady_f @ w, self.S, X_w, w)
+        return Tail(1, forward.A, forward.X, z_f - steady_f @ w, self.S, X_w, w)
 
     def derivative(self) -> DrivenSystem:
         """The system whose values are the time derivatives of this one's."""
@@ -164,12 +164,6 @@ def drive_units(driven: Sequence[DrivenSystem]) -> tuple[float, float]:
         push = max((np.linalg.norm(D, 1) for each in driven if (D := getattr(each, drive)).size), default=0.0)
         units.append(float(2.0 ** np.ceil(np.log2(push / pace))) if push > 0 and pace > 0 else 1.0)
     return units[0], units[1]
-
-
-def _tail(direction: int, M: Array, X: Array, v: Array, S: Array, X_w: Array, w: Array) -> Tail:
-    tail = Tail(direction, M, X, v, S, X_w, w)
-    # Of M nothing is known but what v excites: it may grow where nothing departs.
-    return tail if np.any(v) else tail.without_departure()
 
 
 def _augmented(A: Array, D: Array, S: Array) -> Array:

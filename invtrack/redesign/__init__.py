@@ -6,8 +6,7 @@ from invtrack.redesign.limited.limit_check import ActiveLimit
 from invtrack.redesign.limits import Limits, StateLimit
 from invtrack.redesign.pareto import Outcome, TradeOff, pareto_sweep
 from invtrack.redesign.prefilter.frequency_response import FrequencyResponse
-from invtrack.redesign.prefilter.impulse import ImpulseResponse
-from invtrack.redesign.prefilter.prefilter import Prefilter, PrefilteredTrajectory, prefilter
+from invtrack.redesign.prefilter.prefilter import ImpulseResponse, Prefilter, PrefilteredTrajectory, prefilter
 from invtrack.redesign.quadratic import quadratic_redesign
 
 __all__ = [

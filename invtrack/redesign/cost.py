@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.plans.plan import Plan
-from invtrack.redesign.holding import ROUNDING
-from invtrack.redesign.weights import Weights, as_weights
+from invtrack.redesign.weights import ROUNDING, Weights, as_weights
 
 Array = NDArray[np.float64]
 

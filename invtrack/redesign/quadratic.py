@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,9 +15,8 @@ from invtrack.plans.problem import AT_REST, PlanningProblem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import Driveable, two_sided_problem
-from invtrack.redesign.holding import FREE_HOLDING, ROUNDING, without_rounding
 from invtrack.redesign.optimum import optimum
-from invtrack.redesign.weights import Weights, as_weights
+from invtrack.redesign.weights import FREE_HOLDING, ROUNDING, Weights, as_weights, without_rounding
 from invtrack.references.signal import Generator, PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -50,20 +49,39 @@ def quadratic_redesign(
     the cost does not see or the input does not reach). Source: S. Devasia, "Optimal output-trajectory redesign for invertible
     systems", AIAA J. of Guidance, Control, and Dynamics 19(5), 1996 (frequency domain; here the same optimum in time).
     """
+    free = free_optimum(model, reference, R=R, Q_x=Q_x, Q_y=Q_y, tolerance=tolerance, max_preactuation=max_preactuation)
+    return free.problem.plan("quadratic redesign", free.trajectory, exact=False)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeOptimum:
+    """The optimum without limits, its weights, and the problem, whose reference is constant before and after the manoeuvre."""
+
+    problem: PlanningProblem
+    weights: Weights
+    trajectory: Trajectory
+
+
+def free_optimum(
+    model: Any,
+    reference: PiecewiseSignal,
+    *,
+    R: ArrayLike,
+    Q_x: ArrayLike,
+    Q_y: ArrayLike,
+    tolerance: float,
+    max_preactuation: float | None,
+) -> FreeOptimum:
+    """What `quadratic_redesign` makes a plan of; arguments and errors are its own."""
     problem = _held_still(PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation))
     weights = as_weights(problem.plant, R=R, Q_x=Q_x, Q_y=Q_y)
-    trajectory = optimal_trajectory(problem, weights)
-    _require_free_holding(problem, trajectory, weights)
-    return problem.plan("quadratic redesign", trajectory, exact=False)
-
-
-def optimal_trajectory(problem: PlanningProblem, weights: Weights) -> Trajectory:
-    """The optimum for a reference that holds still before and after. Raises RedesignError as `quadratic_redesign` does."""
     if np.any(weights.Q_y):
         models: Sequence[Driveable] = problem.plant.map(lambda system: optimum(system, weights))
     else:  # where nothing is asked of the output, not to move (the Riccati equation may have no stabilizing solution)
         models = [_Rest(problem.plant.n_states + 2 * problem.plant.n_channels)] * len(problem.plant)
-    return two_sided_problem(problem, models, one_unit=False).solve().trajectory()
+    trajectory = two_sided_problem(problem, models, one_unit=False).solve().trajectory()
+    _require_free_holding(problem, trajectory, weights)
+    return FreeOptimum(problem, weights, trajectory)
 
 
 class _Rest:

@@ -1,30 +1,37 @@
-"""The weights of a redesign, checked where they enter."""
+"""The weights of a redesign, and what they make of holding still: constant ones, and ones that vary with frequency."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import SEMIDEFINITE_TOLERANCE, hermitian_weight, real_weight, smallest_eigenvalue
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-SYMMETRY_TOLERANCE = 1e-9
-"""Largest share of a weight by which an entry may differ from the one across the diagonal."""
-
-SEMIDEFINITE_TOLERANCE = 1e-12
-"""An eigenvalue counts as zero where it is no larger than this share of its weight, once the weight's diagonal is scaled to one."""
+Matrices = TypeVar("Matrices", Array, ComplexArray)
 
 WeightLike = ArrayLike | Callable[[float], ArrayLike]
+"""A number, a matrix, or a function of the frequency [rad/s] with such values."""
 
 CONJUGATE_TOLERANCE = 1e-9
 """Largest departure from W(-w) = conj W(w), as a share of the weight's norm."""
+
+FREE_HOLDING = 1e-12
+"""Holding an output counts as free where it costs less per second than this share of what not moving there at all would cost."""
+
+ROUNDING = 1e-12
+"""A cost per second below this share of the terms that it is the sum of is what is left where they cancel."""
+
+AT_REST = 1e-12
+"""A held value this close to the operating point's output, as a share of the reference's size, is off it by rounding only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +63,13 @@ def as_weights(plant: SwitchedSystem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: Arra
     Raises RedesignError for a weight of the wrong shape, one that is not symmetric or not positive semidefinite, or R + D'Q_y D
     singular.
     """
-    system = plant.systems[0]
-    n, p = system.n_states, system.n_channels
+    n, p = plant.n_states, plant.n_channels
     weights = Weights(
-        R=real_weight("R", R, p, meaning=f"inputs {list(system.inputs.names)}"),
-        Q_x=real_weight("Q_x", Q_x, n, meaning=f"states {list(system.states.names)}"),
-        Q_y=real_weight("Q_y", Q_y, p, meaning=f"outputs {list(system.outputs.names)}"),
+        R=real_weight("R", R, p, meaning=f"inputs {list(plant.inputs.names)}", error=RedesignError),
+        Q_x=real_weight("Q_x", Q_x, n, meaning=f"states {list(plant.states.names)}", error=RedesignError),
+        Q_y=real_weight("Q_y", Q_y, p, meaning=f"outputs {list(plant.outputs.names)}", error=RedesignError),
     )
-    smallest = min(_smallest_eigenvalue(weights.input_weight(system.D)) for system in plant.systems)
+    smallest = min(smallest_eigenvalue(weights.input_weight(system.D)) for system in plant.distinct)
     if smallest <= SEMIDEFINITE_TOLERANCE:
         raise RedesignError(
             "R must be positive definite (with a direct feedthrough: R + D'Q_y D), its smallest eigenvalue is "
@@ -73,60 +79,21 @@ def as_weights(plant: SwitchedSystem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: Arra
     return weights
 
 
-def weight_matrix(name: str, value: ArrayLike, size: int, *, meaning: str = "", where: str = "") -> ComplexArray:
-    """A weight as Hermitian positive semidefinite matrix (size, size); a number stands for that multiple of the identity.
+def without_rounding(held: Array, reference: PiecewiseSignal, y_0: Array) -> Array:
+    """Held deviations (..., p) from the operating point's output y_0 (p,), zero where only rounding sets them apart from it.
 
-    meaning, where: what it weighs and at which frequency, for messages. Raises RedesignError for a value that is none.
+    A reference that goes there and back, channel by channel, rarely ends exactly where it began.
     """
-    try:
-        matrix: ComplexArray = np.asarray(value, dtype=complex)
-    except (TypeError, ValueError) as error:
-        raise RedesignError(f"{name} must be a number or a matrix of numbers{where}: {error}") from error
-    matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
-    if matrix.shape != (size, size):
-        expected = f"a number or a ({size}, {size}) matrix" + (f" for the {meaning}" if meaning else "")
-        raise RedesignError(f"{name} must be {expected}, got shape {matrix.shape}{where}")
-    if not np.all(np.isfinite(matrix)):
-        raise RedesignError(f"{name} has entries that are not finite{where}")
-    # Entry by entry against its own row and column: the units of the channels may differ by orders of magnitude.
-    size_of, mirrored = np.sqrt(np.abs(np.diag(matrix))), matrix.conj().T
-    if np.any(np.abs(matrix - mirrored) > SYMMETRY_TOLERANCE * (np.outer(size_of, size_of) + np.abs(matrix))):
-        kind = "Hermitian" if np.any(matrix.imag) else "symmetric"
-        raise RedesignError(f"{name} must be {kind}, its halves differ by up to {np.max(np.abs(matrix - mirrored)):.3g}{where}")
-    matrix = (matrix + mirrored) / 2
-    smallest = _smallest_eigenvalue(matrix)
-    if smallest < -SEMIDEFINITE_TOLERANCE * size:
-        raise RedesignError(f"{name} must be positive semidefinite, its smallest eigenvalue is {smallest:.3g} of its size{where}")
-    return matrix
+    return np.where(np.abs(held) <= AT_REST * np.maximum(reference.size(0), np.abs(y_0)), 0.0, held)
 
 
-def real_weight(name: str, value: ArrayLike, size: int, *, meaning: str = "") -> Array:
-    """The same of a weight that does not vary with frequency, which is real.
-
-    Raises RedesignError where it is not, besides what `weight_matrix` does.
-    """
-    matrix = weight_matrix(name, value, size, meaning=meaning)
-    if np.any(np.abs(matrix.imag) > SYMMETRY_TOLERANCE * np.abs(matrix)):
-        raise RedesignError(
-            f"a constant {name} must be real; a complex one has to be a function of frequency with {name}(-w) = conj {name}(w), "
-            "which invtrack.redesign.prefilter takes"
-        )
-    return np.ascontiguousarray(matrix.real)
-
-
-def _smallest_eigenvalue(matrix: Array | ComplexArray) -> float:
-    """That of the matrix in units in which its diagonal is one, so that the units of the channels do not matter."""
-    diagonal = np.abs(np.diag(matrix))
+def square_root(weight: Matrices) -> Matrices:
+    """F (..., k, k) with F*F = weight, of one weight or of several at once, whatever the units of its channels."""
+    diagonal = np.abs(np.diagonal(weight, axis1=-2, axis2=-1))
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    return float(scipy.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])
-
-
-def square_root(weight: Array) -> Array:
-    """W (p, p) with W'W = weight."""
-    diagonal = np.diag(weight)
-    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-    values, vectors = scipy.linalg.eigh(weight / np.outer(scale, scale))
-    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * scale)
+    values, vectors = np.linalg.eigh(weight / (scale[..., :, None] * scale[..., None, :]))
+    root: Matrices = np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors.conj(), -1, -2) * scale[..., None, :]
+    return root
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,16 +117,17 @@ class FrequencyWeight:
     def at(self, w: float) -> ComplexArray:
         """W(w) (k, k). Raises RedesignError where it is malformed, not Hermitian or not positive semidefinite."""
         if callable(self.value):
-            return weight_matrix(self.name, self.value(w), self.size, where=f" at w = {w:.6g} rad/s")
+            where = f" at w = {w:.6g} rad/s"
+            return hermitian_weight(self.name, self.value(w), self.size, where=where, error=RedesignError)
         return self.value.astype(complex)
 
     def factor(self, w: Array) -> ComplexArray:
         """F(w) with F*F = W at frequencies w (m,), not negative: (m, k, k)."""
         if not callable(self.value):
-            return np.broadcast_to(_square_root(self.at(0.0)), (len(w), self.size, self.size))
+            return np.broadcast_to(square_root(self.at(0.0)), (len(w), self.size, self.size))
         if len(w) == 0:
             return np.zeros((0, self.size, self.size), dtype=complex)
-        return _square_root(np.stack([self.at(float(frequency)) for frequency in w]))
+        return square_root(np.stack([self.at(float(frequency)) for frequency in w]))
 
 
 def frequency_weight(name: str, value: WeightLike, size: int, probes: Array) -> FrequencyWeight:
@@ -169,7 +137,7 @@ def frequency_weight(name: str, value: WeightLike, size: int, probes: Array) -> 
     function whose values at w and -w are not conjugate (a real trajectory would then have a complex optimum).
     """
     if not callable(value):
-        return FrequencyWeight(name, size, real_weight(name, value, size))
+        return FrequencyWeight(name, size, real_weight(name, value, size, error=RedesignError))
     weight = FrequencyWeight(name, size, value)
     for w in probes:
         here, mirrored = weight.at(float(w)), weight.at(-float(w))
@@ -179,9 +147,3 @@ def frequency_weight(name: str, value: WeightLike, size: int, probes: Array) -> 
                 "(use |w| in its formula)"
             )
     return weight
-
-
-def _square_root(matrices: ComplexArray) -> ComplexArray:
-    values, vectors = np.linalg.eigh(matrices)
-    root: ComplexArray = np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors.conj(), -1, -2)
-    return root

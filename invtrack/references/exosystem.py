@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.checks import real_matrix, real_numbers
+from invtrack.checks import increasing_times, real_matrix, real_numbers, real_vector
 from invtrack.errors import TrajectoryError
 from invtrack.references.signal import Generator, PiecewiseSignal
 
@@ -41,14 +41,12 @@ class Exosystem:
         self, A: Sequence[ArrayLike], C: Sequence[ArrayLike], switch_times: ArrayLike = (), *, names: Sequence[str] | None = None
     ) -> None:
         matrices_A, matrices_C = _copies("A_e", A), _copies("C_e", C)
-        times = real_numbers("switch times of the exosystem", switch_times).reshape(-1)
+        times = increasing_times("switch times of the exosystem", switch_times)
         if not len(matrices_A) == len(matrices_C) == len(times) + 1:
             raise TrajectoryError(
                 f"expected one A_e and one C_e per interval, {len(times) + 1} of each for {len(times)} switch times; got "
                 f"{len(matrices_A)} and {len(matrices_C)}"
             )
-        if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
-            raise TrajectoryError(f"switch times of the exosystem must be finite and increase, got {times.tolist()}")
         q, p = len(matrices_A[0]), len(matrices_C[0])
         for k, (A_e, C_e) in enumerate(zip(matrices_A, matrices_C, strict=True)):
             if A_e.shape != (q, q) or C_e.shape != (p, q) or not (p and q):
@@ -164,9 +162,7 @@ class Exosystem:
 
     def _signal(self, x_e: ArrayLike, at: float | None, rows: Sequence[Array]) -> PiecewiseSignal:
         """rows[k] x_e(t) in interval k: piece by piece forward and backward from `at`."""
-        x, time = real_numbers("the exosystem's state", x_e), self._reference_time(at)
-        if x.shape != (self.n_states,) or not np.all(np.isfinite(x)):
-            raise TrajectoryError(f"expected a finite exosystem state of {self.n_states} entries {list(self.names)}, got {x_e!r}")
+        x, time = real_vector("the exosystem's state", x_e, self.names), self._reference_time(at)
         edges = self.switch_times if len(self) > 1 else np.array([time])
         owner = np.concatenate([[0], self.interval(edges)])
         numbers: dict[tuple[int, int], int] = {}

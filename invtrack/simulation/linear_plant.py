@@ -7,12 +7,12 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
 from invtrack.linear.switched import as_switched
+from invtrack.linear.zero_order_hold import zero_order_hold
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 Array = NDArray[np.float64]
@@ -80,11 +80,9 @@ class LinearStepper:
         # A little inside the interval: its start may be a switch time, computed in another way.
         k = int(self._plant.model.interval(time + timestep / 2))
         system = self._system = self._plant.model.systems[k]
-        n, p = system.n_states, system.n_channels
         if (k, timestep) not in self._known:
-            block = np.block([[system.A, system.B], [np.zeros((p, n + p))]])
             rows = np.block([[system.C, system.D], [system.measurement.C, system.measurement.D]])
-            self._known[k, timestep] = scipy.linalg.expm(block * timestep)[:n], rows
+            self._known[k, timestep] = np.hstack(zero_order_hold(system.A, system.B, timestep)), rows
         self._timestep = timestep
         self._transition, self._sensor_rows = self._known[k, timestep]
         self._sensors_at_rest = np.concatenate([system.operating_point.y0, system.measurement.y0])

@@ -6,12 +6,12 @@ import warnings
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from invtrack.control.protocol import Controller, Instants
 from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import SimulationError
+from invtrack.linear.zero_order_hold import zero_order_hold
 from invtrack.plant.change import Change
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
@@ -128,9 +128,8 @@ def warn_of_unstable_holds(controller: Controller, instants: Instants) -> None:
     pairs = zip(model.interval(instants.inside), gains.interval(instants.inside), np.round(instants.hold, 9), strict=True)
     for k, g, hold in sorted({(int(k), int(g), float(hold)) for k, g, hold in pairs if hold > 0}, key=lambda pair: -pair[2]):
         A, B, K = model.systems[k].A, model.systems[k].B, gains.gains[g]
-        n, p = B.shape
-        step = scipy.linalg.expm(np.block([[A, B], [np.zeros((p, n + p))]]) * hold)[:n]
-        radius = float(np.max(np.abs(np.linalg.eigvals(step[:, :n] - step[:, n:] @ K))))
+        A_d, B_d = zero_order_hold(A, B, hold)
+        radius = float(np.max(np.abs(np.linalg.eigvals(A_d - B_d @ K))))
         poles = np.linalg.eigvals(A - B @ K)
         if radius > 1 + 1e-9 and np.max(poles.real) < 0:
             warnings.warn(

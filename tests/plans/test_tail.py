@@ -54,7 +54,7 @@ def test_what_does_not_die_out_lasts_for_ever() -> None:
     ringing = departure(np.array([[0.0, 2.0], [-2.0, 0.0]]), np.array([[1.0, 0.0]]), np.array([0.0, 1.0]))
     assert ringing.lasts
     assert ringing.decay_time(np.array([1.0]), 1e-6) == np.inf
-    assert not ringing.without_departure().lasts
+    assert not replace(ringing, v=np.zeros(2)).lasts
 
 
 @pytest.mark.parametrize("direction", [-1, 1])

@@ -7,7 +7,8 @@ import pytest
 from scipy.integrate import quad
 
 from invtrack.errors import TrajectoryError
-from invtrack.redesign.prefilter.reference_spectrum import held_values, rate_spectrum
+from invtrack.redesign.prefilter.fourier import rate_spectrum
+from invtrack.redesign.prefilter.prefilter import held_values
 from invtrack.references.profiles import autonomous, piecewise_polynomial, raised_cosine, rest_to_rest
 from invtrack.references.samples import sampled_reference
 from invtrack.references.signal import PiecewiseSignal, stack

@@ -1,14 +1,15 @@
-"""Trajectories from the Fourier transform of their rate, on a window long enough for them to come to rest inside it."""
+"""Between time and frequency: windows, the transforms of references on them, and signals refined until nothing changes."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy  # loads scipy.fft and scipy.interpolate at their first use
 from numpy.typing import NDArray
 
-from invtrack.errors import TrajectoryError
+from invtrack.errors import RedesignError
 from invtrack.references.signal import Generator, PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -20,8 +21,11 @@ OVERSAMPLING = 4
 SPLINE_MARGIN = 30
 """Samples kept beyond the times asked for: the spline's end conditions have died out over them."""
 
-REST_TOLERANCE = 1e-9
-"""Largest change of the reference outside its manoeuvre, as a share of its size, that counts as holding still."""
+MAX_HARMONICS = 2**18
+"""Windows with more frequencies than this are not tried."""
+
+QUIET_CHANNEL = 1e-6
+"""A channel whose peak is below this share of the largest of its kind is measured against that share."""
 
 QUADRATURE_FACTOR = 2.0
 """Below this many times the norm of a piece's S the transform is found by quadrature: (S - jw)^-1 may be singular there."""
@@ -106,22 +110,51 @@ class FourierWindow:
         return np.asarray(spline(inside))
 
 
-def held_values(reference: PiecewiseSignal) -> tuple[Array, Array]:
-    """(y_0, y_f): the values (p,) that the reference holds before and after its manoeuvre.
+def refine(
+    samples: Callable[[FourierWindow], Array], window: FourierWindow, times: Array | None, tolerance: float, groups: Sequence[int]
+) -> tuple[Array, Array, float]:
+    """(times (m,), values (m, c), truncation error) of a signal whose samples on any window are known.
 
-    Raises TrajectoryError where it does not hold still there, so that it has no Fourier transform of its rate.
+    The error is the largest change at these times when the window is made twice as long plus the one when the bandwidth is doubled,
+    relative to the channel's peak over the window.
+
+    Args:
+        samples: gives the signal's values (samples, c) at the `sample_times` of a window.
+        window: the one to begin with.
+        times: where the signal is wanted (m,) [s]; None: all over the window.
+        tolerance: largest truncation error.
+        groups: how many channels are of one kind (inputs, states, outputs).
+
+    Raises RedesignError where it stays above `tolerance` with as many frequencies as are tried.
     """
-    start, end = reference.manoeuvre
-    distance = np.array([1e-3, 1.0, np.pi, 10.0]) * max(end - start, 1.0)
-    before, after = reference(start - distance), reference(end + distance)
-    size = max(float(np.max(np.abs(reference(reference.breakpoints)))), np.max(np.abs(before)), np.max(np.abs(after)))
-    for side, values in (("before", before), ("after", after)):
-        if np.max(np.abs(values - values[0])) > REST_TOLERANCE * size:
-            raise TrajectoryError(
-                f"expected a reference that holds still outside its manoeuvre from {start:.6g} to {end:.6g} s, this one changes "
-                f"{side} it; end it at rest (see rest_to_rest, or autonomous with its start and end)"
+    values = samples(window)
+    while True:
+        at = np.linspace(window.start, window.end, 2 * window.harmonics + 1) if times is None else times
+        here, peak = window.interpolate(values, at), _peaks(values, groups)
+        longer, wider = window.lengthened(), window.widened()
+        longer_values, wider_values = samples(longer), samples(wider)
+        window_error = float(np.max(np.abs(longer.interpolate(longer_values, at) - here) / peak))
+        bandwidth_error = float(np.max(np.abs(wider.interpolate(wider_values, at) - here) / peak))
+        if window_error + bandwidth_error <= tolerance:
+            return at, here, window_error + bandwidth_error
+        if longer.harmonics > MAX_HARMONICS:
+            raise RedesignError(
+                f"the redesign is truncated by {window_error:.1e} (window of {window.length:.4g} s) and {bandwidth_error:.1e} "
+                f"(bandwidth of {2 * np.pi * window.harmonics / window.length:.4g} rad/s) of its peak, more than the tolerance "
+                f"{tolerance:.1e}, and {MAX_HARMONICS} frequencies are not enough for less; accept a larger tolerance, use a "
+                "smoother reference or more input weight R, or, with constant weights, the redesign in the time domain"
             )
-    return before[0], after[0]
+        window, values = (longer, longer_values) if window_error > bandwidth_error else (wider, wider_values)
+
+
+def _peaks(values: Array, groups: Sequence[int]) -> Array:
+    """Largest |value| of each channel, or the share of its kind's largest that counts for quiet ones: (c,)."""
+    peak: Array = np.max(np.abs(values), axis=0)
+    per_kind = len(peak) // sum(groups)
+    for part in np.split(peak, np.cumsum(groups)[:-1] * per_kind):
+        largest = np.max(part, initial=0.0)
+        part[:] = np.maximum(part, QUIET_CHANNEL * largest) if largest > 0 else 1.0
+    return peak
 
 
 def rate_spectrum(reference: PiecewiseSignal, w: Array, origin: float) -> ComplexArray:
