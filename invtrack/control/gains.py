@@ -11,7 +11,7 @@ import scipy  # loads scipy.signal, which costs a second, at its first use
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.checks import increasing_times, real_weight, stable_poles
+from invtrack.checks import increasing_times, real_numbers, real_weight, stable_poles
 from invtrack.errors import ControlError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
@@ -24,21 +24,26 @@ POLE_TOLERANCE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class GainSchedule:
-    """Gains K (p, n) for u = -K x, constant between switch times [s]: one more gain than switch times."""
+    """Gains K (p, n) for u = -K x, constant between switch times (N,) [s]: N + 1 of them.
+
+    Raises ControlError where the numbers do not fit, an entry is not finite, or times do not increase.
+    """
 
     gains: tuple[Array, ...]
     switch_times: Array
 
-    def __post_init__(self) -> None:
-        if len(self.gains) != len(self.switch_times) + 1 or len({gain.shape for gain in self.gains}) != 1:
-            shapes = [gain.shape for gain in self.gains]
+    def __init__(self, gains: Sequence[ArrayLike], switch_times: ArrayLike = ()) -> None:
+        matrices = tuple(real_numbers("a gain", gain, error=ControlError) for gain in gains)
+        times = increasing_times("switch times of gains", switch_times, error=ControlError)
+        if len(matrices) != len(times) + 1 or len({gain.shape for gain in matrices}) != 1:
             raise ControlError(
-                f"expected one gain more than switch times, all of one shape; got gains of shapes {shapes} and "
-                f"{len(self.switch_times)} switch times"
+                "expected one gain more than switch times, all of one shape; got gains of shapes "
+                f"{[gain.shape for gain in matrices]} and {len(times)} switch times"
             )
-        increasing_times("switch times of gains", self.switch_times, error=ControlError)
-        if not all(np.all(np.isfinite(gain)) for gain in self.gains):
+        if not all(np.all(np.isfinite(gain)) for gain in matrices):
             raise ControlError("a gain has entries that are not finite")
+        object.__setattr__(self, "gains", matrices)
+        object.__setattr__(self, "switch_times", times)
 
     def interval(self, t: ArrayLike) -> NDArray[np.intp]:
         """Index of the gain in force at each time."""

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.checks import real_numbers, require_duration
+from invtrack.checks import require_duration
 from invtrack.control.gains import GainSchedule
 from invtrack.control.protocol import AffineLaw, Instants, Law
 from invtrack.errors import ControlError
@@ -34,7 +34,7 @@ class PlanFollower(ABC):
         if gains is None:
             gains = np.zeros(shape)
         if not isinstance(gains, GainSchedule):
-            gains = GainSchedule((real_numbers("gains", gains, error=ControlError),), np.zeros(0))
+            gains = GainSchedule([gains])
         if gains.gains[0].shape != shape:
             raise ControlError(f"gains have shape {gains.gains[0].shape}, expected {shape} for this plan's inputs and states")
         if period is not None:

@@ -161,7 +161,7 @@ def make_step(system: StateSpace, generator: Generator, weights: Weights, length
 
 
 def ramp(system: StateSpace, unit: float) -> Array:
-    """Generator (n + 2 p, n + 2 p) of [x; u; change of u per unit of time], that change constant, with time in this `unit` [s]."""
+    """Generator of [x; u; change of u per unit of time] (n + 2 p, n + 2 p) where u changes evenly; `unit`: the unit of time [s]."""
     n, p = system.n_states, system.n_channels
     M = np.zeros((n + 2 * p, n + 2 * p))
     M[:n, :n], M[:n, n : n + p], M[n : n + p, n + p :] = unit * system.A, unit * system.B, np.eye(p)
