@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.control.gains import GainSchedule
-from invtrack.plans.plan import Plan
+from invtrack.plans.plan import Difference, Plan
 
 Array = NDArray[np.float64]
 Key = TypeVar("Key", bound=Hashable)
@@ -168,4 +168,20 @@ class AffineLaw:
     def update(self, index: int, measurement: Array) -> Array:
         """Input (p,) at instant number `index`."""
         result: Array = self.offset[index] - self._gains[int(self._which[index])] @ measurement
+        return result
+
+
+class DifferenceLaw:
+    """u = feedforward_i - K_i (x minus x_ref_i) at instant i, the difference taken in the plant's own way."""
+
+    estimate = None
+
+    def __init__(self, feedforward: Array, x_ref: Array, gains: GainSchedule, inside: Array, difference: Difference) -> None:
+        self._feedforward, self._x_ref, self._difference = feedforward, x_ref, difference
+        self._gains, self._which = gains.gains, gains.interval(inside)
+
+    def update(self, index: int, measurement: Array) -> Array:
+        """Input (p,) at instant number `index`."""
+        away = self._difference(measurement, self._x_ref[index])
+        result: Array = self._feedforward[index] - self._gains[int(self._which[index])] @ away
         return result

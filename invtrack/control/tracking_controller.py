@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.checks import require_duration
 from invtrack.control.gains import GainSchedule
-from invtrack.control.protocol import AffineLaw, Instants, Law
+from invtrack.control.protocol import AffineLaw, DifferenceLaw, Instants, Law
 from invtrack.errors import ControlError
 from invtrack.plans.plan import Plan
 
@@ -102,7 +102,10 @@ class TrackingController(PlanFollower):
         """True: the law depends on time and state alone."""
         return True
 
-    def begin(self, instants: Instants) -> AffineLaw:
+    def begin(self, instants: Instants) -> AffineLaw | DifferenceLaw:
         """The law for one run: plan and gains looked up for all its instants at once."""
         x_ref = self.plan.states(instants.time, inside=instants.inside)
-        return AffineLaw.around(self.mean_feedforward(instants), x_ref, self.gains, instants.inside)
+        feedforward = self.mean_feedforward(instants)
+        if self.plan.difference is None:
+            return AffineLaw.around(feedforward, x_ref, self.gains, instants.inside)
+        return DifferenceLaw(feedforward, x_ref, self.gains, instants.inside, self.plan.difference)

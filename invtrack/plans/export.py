@@ -1,4 +1,4 @@
-"""A planned trajectory sampled for hardware: what a real-time target plays, at its own rate."""
+"""A planned trajectory sampled for hardware, what a real-time target plays at its own rate, and the plan read back from it."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.errors import TrajectoryError
+from invtrack.errors import FileError, TrajectoryError
 from invtrack.plans.plan import Plan
-from invtrack.plans.plan_file import SampledPlan, write_plan
+from invtrack.plans.plan_file import SampledPlan, read_samples, write_plan
+from invtrack.plans.sampled import origin_of, plan_from
 
 Array = NDArray[np.float64]
 
@@ -39,6 +40,22 @@ def export_plan(
     Raises TrajectoryError as `sampled_plan` does, for another suffix, and where the file cannot be written.
     """
     return write_plan(sampled_plan(plan, rate=rate, inputs=inputs, start=start, end=end), path)
+
+
+def read_plan(path: str | Path) -> Plan:
+    """The plan in a file that `export_plan` wrote: as it was sampled, to be followed, drawn and simulated.
+
+    Between the rows it is polynomial: u_ff is held, or linear for the inputs "sample"; x_ref and y are the cubics that agree with
+    the rows and with the plant's equations at both ends of each row's time; y_d is a spline through its samples. Before the first
+    and after the last row it holds what stands there. Model, manoeuvre, certificate and remarks are those of the exported plan.
+
+    Raises FileError where the file cannot be read or holds no plan.
+    """
+    samples = read_samples(path)
+    try:
+        return plan_from(samples)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(f"{path} does not say which plan it comes from ({error}); export the plan again") from error
 
 
 def sampled_plan(
@@ -76,6 +93,7 @@ def sampled_plan(
         y=values.y,
         names=_labels(plan),
         notes=_notes(plan, rate, inputs, t[:-1]),
+        origin=origin_of(plan, inputs=inputs, end=float(t[-1])),
     )
 
 

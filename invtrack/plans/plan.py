@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,6 +15,7 @@ from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
+Difference = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +36,8 @@ class Plan:
     method: its name. model: the plant it was planned for. reference: the wanted output y_d. manoeuvre: (T_i, T_f) [s], the hull of
     the reference's breakpoints and of the plant's jumps. preactuation, postactuation: how long before T_i and after T_f [s] it
     differs from rest by more than `tolerance`, relative to the peak of each state and input. remarks: what a user should know
-    about the solution (for instance that it was not unique).
+    about the solution (for instance that it was not unique). difference: x minus x_ref in the plant's own way, both (n,), where
+    plain subtraction will not do (angles that turn round, quaternions).
     """
 
     method: str
@@ -47,6 +50,7 @@ class Plan:
     tolerance: float
     certificate: Certificate
     remarks: tuple[str, ...] = ()
+    difference: Difference | None = None
 
     def __repr__(self) -> str:
         """What it is, without its arrays."""

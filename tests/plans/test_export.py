@@ -21,7 +21,7 @@ from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.export import export_plan, sampled_plan
 from invtrack.plans.plan import Plan
-from invtrack.plans.plan_file import SampledPlan, read_plan, write_plan
+from invtrack.plans.plan_file import SampledPlan, read_samples, write_plan
 from invtrack.references.profiles import rest_to_rest
 from invtrack.references.samples import load_reference, sampled_reference
 
@@ -115,10 +115,10 @@ def test_a_plan_comes_back_bit_for_bit(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"table{suffix}"
     assert export_plan(plan_of(2), path, rate=37.0) == path
     table = sampled_plan(plan_of(2), rate=37.0)
-    assert read_plan(path).equals(table)
+    assert read_samples(path).equals(table)
     odd = replace(table, names={**table.names, "y": ('tip [m, "true"]',)})
     assert not odd.equals(table)
-    assert read_plan(write_plan(odd, path)).equals(odd)
+    assert read_samples(write_plan(odd, path)).equals(odd)
     assert os.listdir(tmp_path) == [path.name]
 
 
@@ -127,12 +127,12 @@ def test_extreme_numbers_survive_both_formats(tmp_path: Path) -> None:
     names = dict.fromkeys(("u_ff", "x_ref", "y_d", "y"), ("a",))
     table = SampledPlan(np.arange(5.0) / 3.0, numbers, -numbers, numbers[::-1], numbers / 3.0, names)
     for name in ("table.csv", "table.npz"):
-        assert read_plan(write_plan(table, tmp_path / name)).equals(table)
+        assert read_samples(write_plan(table, tmp_path / name)).equals(table)
 
 
 def test_csv_opens_in_ordinary_readers_and_as_a_reference(tmp_path: Path) -> None:
     path = export_plan(plan_of(2), tmp_path / "table.csv", rate=50.0)
-    table = read_plan(path)
+    table = read_samples(path)
     plain = np.genfromtxt(path, delimiter=",", names=True)
     assert np.array_equal(plain[plain.dtype.names[0]], table.time)
     assert np.array_equal(plain[plain.dtype.names[1]], table.u_ff[:, 0])
@@ -158,7 +158,7 @@ def test_a_hundred_thousand_rows_of_a_sampled_reference(tmp_path: Path) -> None:
     times = np.linspace(0.0, np.pi, 50)
     plan = invert(PLANT, sampled_reference(times, np.sin(times) ** 2))
     rate = 100_000 / (plan.end - plan.start)
-    table = read_plan(export_plan(plan, tmp_path / "table.npz", rate=rate))
+    table = read_samples(export_plan(plan, tmp_path / "table.npz", rate=rate))
     assert abs(len(table.time) - 100_001) <= 1
     np.testing.assert_allclose(table.y, table.y_d, atol=1e-9)
 
@@ -200,7 +200,7 @@ def test_bad_paths_are_refused(tmp_path: Path) -> None:
         export_plan(plan_of(2), tmp_path / "absent" / "table.npz", rate=10.0)
     for name in ("absent.csv", "absent.npz"):
         with pytest.raises(FileError, match=r"cannot read .*No such file"):
-            read_plan(tmp_path / name)
+            read_samples(tmp_path / name)
 
 
 @pytest.mark.parametrize(
@@ -220,13 +220,13 @@ def test_bad_paths_are_refused(tmp_path: Path) -> None:
 def test_files_that_hold_no_plan_are_refused(tmp_path: Path, name: str, content: bytes, message: str) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(FileError, match=message):
-        read_plan(tmp_path / name)
+        read_samples(tmp_path / name)
 
 
 def test_an_archive_without_the_arrays_or_with_wrong_shapes_is_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "other.npz", time=np.arange(3.0))
     with pytest.raises(FileError, match=r"expected arrays time, u_ff, x_ref, y_d, y .* got: time"):
-        read_plan(tmp_path / "other.npz")
+        read_samples(tmp_path / "other.npz")
     table = sampled_plan(plan_of(2), rate=10.0)
     with pytest.raises(TrajectoryError, match=r"u_ff has shape \(3, 1\), expected"):
         SampledPlan(table.time, table.u_ff[:3], table.x_ref, table.y_d, table.y, table.names)
