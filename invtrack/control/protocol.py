@@ -138,9 +138,13 @@ class Controller(Protocol):
 class AffineLaw:
     """u = offset_i - K_i x at instant i, everything that does not depend on the measurement worked out before the run.
 
-    offset (m, p). gains: the distinct K (p, n); which (m,): the gain of each instant. A loop that keeps its states in rows
-    [x, offset] gets u by one product with `row_gain`: each operation on a small array costs as much as the next, and this one is
-    taken in every physics step.
+    A loop that keeps its states in rows [x, offset] gets u by one product with `row_gain`: each operation on a small array costs as
+    much as the next, and this one is taken in every physics step.
+
+    Args:
+        offset: (m, p), absolute.
+        gains: the distinct K (p, n).
+        which: number of the gain in force at each instant (m,).
     """
 
     estimate = None
