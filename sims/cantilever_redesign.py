@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import invtrack
-from invtrack.control.protocol import AffineLaw, Instants
+from invtrack.control import AffineLaw, Instants
 from invtrack.figures import comparison_figure, save_figure, tracking_figure
 from invtrack.studies.folder import RunFolder
 from invtrack.studies.options import SimOptions, run_sim

@@ -31,8 +31,8 @@ from two_disc.rig import SLEW, R, peak, rig, run, twist
 import invtrack
 from invtrack.errors import NonHyperbolicError
 from invtrack.figures import comparison_figure, save_figure, tracking_figure
-from invtrack.linear.internal_dynamics import format_zeros
-from invtrack.redesign.pareto import outcome
+from invtrack.linear import format_zeros
+from invtrack.redesign import outcome
 from invtrack.studies.folder import RunFolder
 from invtrack.studies.options import SimOptions, run_sim
 from invtrack.studies.progress import progress

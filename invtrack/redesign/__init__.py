@@ -4,7 +4,7 @@ from invtrack.redesign.constrained import ConstrainedTrajectory, constrained_red
 from invtrack.redesign.cost import cost
 from invtrack.redesign.limited.limit_check import ActiveLimit
 from invtrack.redesign.limits import Limits, StateLimit
-from invtrack.redesign.pareto import Outcome, TradeOff, pareto_sweep
+from invtrack.redesign.pareto import Outcome, TradeOff, outcome, pareto_sweep
 from invtrack.redesign.prefilter.frequency_response import FrequencyResponse
 from invtrack.redesign.prefilter.prefilter import ImpulseResponse, Prefilter, PrefilteredTrajectory, prefilter
 from invtrack.redesign.quadratic import quadratic_redesign
@@ -22,6 +22,7 @@ __all__ = [
     "TradeOff",
     "constrained_redesign",
     "cost",
+    "outcome",
     "pareto_sweep",
     "prefilter",
     "quadratic_redesign",

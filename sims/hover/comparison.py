@@ -6,7 +6,7 @@ import numpy as np
 from hover.aircraft import ATTITUDES, INPUTS, channel
 
 import invtrack
-from invtrack.inversion.modified.modified_plan import ModifiedTrajectory
+from invtrack.inversion import ModifiedTrajectory
 
 FADED = 1e-3
 """The fit of the decay reaches back to where the input has fallen to this share of what it is at the start of the manoeuvre."""

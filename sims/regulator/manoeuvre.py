@@ -8,7 +8,7 @@ import numpy as np
 from regulator.rig import OBSERVER_POLES, STATE_OBSERVER, Rig, interval_errors, numbers
 
 import invtrack
-from invtrack.control.protocol import Instants
+from invtrack.control import Instants
 from invtrack.studies.table import Column, print_table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]

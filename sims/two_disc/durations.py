@@ -22,7 +22,7 @@ from two_disc.rig import (
 )
 
 import invtrack
-from invtrack.redesign.pareto import outcome
+from invtrack.redesign import outcome
 from invtrack.studies.progress import progress
 from invtrack.studies.table import Column, print_table
 

@@ -19,8 +19,7 @@ from two_disc.rig import MARGIN, TOLERANCE, TWIST, clamped_steps, peak, run, sle
 
 import invtrack
 from invtrack.figures import overlay_figure
-from invtrack.redesign.constrained import ConstrainedTrajectory
-from invtrack.redesign.pareto import outcome
+from invtrack.redesign import ConstrainedTrajectory, outcome
 from invtrack.studies.table import Column, print_table
 
 PROFILE, DURATION = "quintic", 10.0  # [s]

@@ -11,7 +11,7 @@ from two_disc.rig import Q_TWIST, Q_Y, SLEW, TWIST_WEIGHT, R
 
 import invtrack
 from invtrack.figures import trade_off_figure
-from invtrack.redesign.pareto import outcome
+from invtrack.redesign import outcome
 from invtrack.studies.table import Column, print_table
 
 NEAR_AXIS = 0.5  # [1/s]: zeros this close to the axis are moved
