@@ -1,9 +1,8 @@
 """Controllers around a plan, their gains, and observers for what is not measured."""
 
 from invtrack.control.exosystem_controller import ExosystemController
-from invtrack.control.exosystem_observer import ExosystemObserver
 from invtrack.control.gains import GainSchedule, lqr, place
-from invtrack.control.observer import KalmanFilter, LuenbergerObserver, Observer
+from invtrack.control.observer import ExosystemObserver, KalmanFilter, LuenbergerObserver, Observer
 from invtrack.control.output_feedback import OutputFeedbackController, OutputFeedbackLaw
 from invtrack.control.protocol import AffineLaw, Controller, Instants, Law
 from invtrack.control.tracking_controller import PlanFollower, TrackingController

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.checks import real_vector, require_not_negative
-from invtrack.control.exosystem_observer import ExosystemObserver, states_within_holds
 from invtrack.control.gains import GainSchedule
-from invtrack.control.observer import Observer, measured
+from invtrack.control.observer import ExosystemObserver, Observer, measured, states_within_holds
 from invtrack.control.output_feedback import OutputFeedbackLaw
 from invtrack.control.protocol import AffineLaw, Instants
 from invtrack.control.tracking_controller import PlanFollower

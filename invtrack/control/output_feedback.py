@@ -15,8 +15,8 @@ from invtrack.control.observer import Observer, measured
 from invtrack.control.protocol import Instants, numbered
 from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import ControlError
+from invtrack.linear.propagation import held_through
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.linear.zero_order_hold import held_through
 from invtrack.plans.plan import Plan
 
 Array = NDArray[np.float64]

@@ -9,8 +9,19 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from invtrack.errors import InvtrackError
-from invtrack.figures.panels import draw_magnitudes, draw_steps, mark_intervals, shown_window, within
-from invtrack.figures.style import FAINT, join_units, label, line_looks, new_figure, shared_style
+from invtrack.figures.style import (
+    FAINT,
+    draw_magnitudes,
+    draw_steps,
+    join_units,
+    label,
+    line_looks,
+    mark_intervals,
+    new_figure,
+    shared_style,
+    shown_window,
+    within,
+)
 from invtrack.results.result import RunResult
 
 INCHES_PER_INPUT = 1.5

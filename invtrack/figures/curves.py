@@ -16,8 +16,7 @@ from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from invtrack.errors import InvtrackError
-from invtrack.figures.panels import draw_line, draw_magnitudes, within
-from invtrack.figures.style import FAINT, REFERENCE, line_looks, new_figure, shared_style
+from invtrack.figures.style import FAINT, REFERENCE, draw_line, draw_magnitudes, line_looks, new_figure, shared_style, within
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,24 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from invtrack.figures.panels import draw_line, draw_magnitudes, draw_steps, mark_intervals, shown_window, within
-from invtrack.figures.style import COLORS, FAINT, INK, REFERENCE, join_units, label, line_looks, new_figure, shared_style, write
+from invtrack.figures.style import (
+    COLORS,
+    FAINT,
+    INK,
+    REFERENCE,
+    draw_line,
+    draw_magnitudes,
+    draw_steps,
+    join_units,
+    label,
+    line_looks,
+    mark_intervals,
+    new_figure,
+    shared_style,
+    shown_window,
+    within,
+    write,
+)
 from invtrack.results.metrics import preactuation_time
 from invtrack.results.result import RunResult, Signal
 

@@ -1,6 +1,5 @@
 """Exact, modified and causal inversion, steady-state feedforward, and whether a reference can be followed."""
 
-from invtrack.inversion.causal import causal_inverse
 from invtrack.inversion.exact import invert
 from invtrack.inversion.feasibility import feasibility
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
@@ -12,7 +11,7 @@ from invtrack.inversion.modified.preactuation_trade_off import (
     preactuation_trade_off,
     tune_modified_inversion,
 )
-from invtrack.inversion.steady_state import steady_state_feedforward
+from invtrack.inversion.no_preactuation import causal_inverse, steady_state_feedforward
 
 __all__ = [
     "BoundaryConditions",

@@ -17,8 +17,7 @@ from invtrack.errors import (
     RelativeDegreeError,
     TrajectoryError,
 )
-from invtrack.inversion.bounded_solution import inverse_problem
-from invtrack.inversion.exact import invert
+from invtrack.inversion.exact import inverse_problem, invert
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
 from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
 from invtrack.linear.normal_form import NormalForm, couplings

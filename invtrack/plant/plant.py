@@ -18,9 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import OperatingPoint
-from invtrack.plant.callbacks import mujoco_callbacks
 from invtrack.plant.configuration import Configuration, state_of
-from invtrack.plant.couplings import VelocityCoupling, velocity_couplings
+from invtrack.plant.couplings import VelocityCoupling, mujoco_callbacks, velocity_couplings
 from invtrack.plant.elements import (
     Addresses,
     control_limits,
@@ -208,7 +207,7 @@ class Plant:
                 mujoco.mj_step(model, data)
 
         The block holds for this model object alone, not for copies of it; blocks for several models and plants may be nested. It
-        works through MuJoCo's passive callback (see `invtrack.plant.callbacks`), of which a model has one at a time. A plant
+        works through MuJoCo's passive callback (see `invtrack.plant.couplings`), of which a model has one at a time. A plant
         without couplings installs none.
 
         Raises PlantError for a model that did not come from this plant.

@@ -12,7 +12,7 @@ from invtrack.errors import RedesignError
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
-from invtrack.redesign.weights import Weights, square_root
+from invtrack.redesign.cost import Weights, square_root
 from invtrack.references.signal import Generator
 
 Array = NDArray[np.float64]

@@ -15,8 +15,8 @@ from invtrack.plans.problem import AT_REST, PlanningProblem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import Driveable, two_sided_problem
+from invtrack.redesign.cost import FREE_HOLDING, ROUNDING, Weights, as_weights, without_rounding
 from invtrack.redesign.optimum import optimum
-from invtrack.redesign.weights import FREE_HOLDING, ROUNDING, Weights, as_weights, without_rounding
 from invtrack.references.signal import Generator, PiecewiseSignal
 
 Array = NDArray[np.float64]

@@ -15,8 +15,7 @@ from invtrack.linear.scaling import RESOLVED, comparable_size, unit_ratios
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.exosystem import Exosystem
-from invtrack.regulation.map_pieces import inner_times
-from invtrack.regulation.visibility import column_weights
+from invtrack.regulation.map_pieces import column_weights, inner_times
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import PlanError, TrajectoryError
-from invtrack.inversion.inverse_system import split_each
+from invtrack.inversion.exact import split_each
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.problem import actuation_times
 from invtrack.plans.trajectory import Trajectory
@@ -25,9 +25,16 @@ from invtrack.regulation.admissible import (
     map_jumps,
 )
 from invtrack.regulation.map_certificate import certify_map
-from invtrack.regulation.map_pieces import MapPiece, internal_parts, map_breakpoints, map_pieces
+from invtrack.regulation.map_pieces import (
+    MapPiece,
+    column_weights,
+    internal_parts,
+    map_breakpoints,
+    map_pieces,
+    unweighted,
+    visibility,
+)
 from invtrack.regulation.regulation_map import PlanPieces, RegulationMap
-from invtrack.regulation.visibility import column_weights, unweighted, visibility
 
 Array = NDArray[np.float64]
 

@@ -17,9 +17,8 @@ from invtrack.regulation.admissible import admissible_states, directions_left, i
 from invtrack.regulation.exosystem_map import require_outputs
 from invtrack.regulation.francis import francis
 from invtrack.regulation.map_certificate import certify_map
-from invtrack.regulation.map_pieces import inner_times, map_breakpoints
+from invtrack.regulation.map_pieces import inner_times, map_breakpoints, unweighted, visibility
 from invtrack.regulation.regulation_map import PlanPieces, RegulationMap
-from invtrack.regulation.visibility import unweighted, visibility
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from invtrack.plans.certificate import ACCURACY
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.exosystem import Exosystem
 from invtrack.regulation.admissible import entry_sizes
-from invtrack.regulation.visibility import column_weights
+from invtrack.regulation.map_pieces import column_weights
 
 Array = NDArray[np.float64]
 

@@ -8,10 +8,10 @@ from invtrack.results.metrics import (
     preactuation_time,
     residual_vibration,
     rms_error,
+    run_cost,
     state_vibration,
 )
 from invtrack.results.result import Event, RunResult, Signal
-from invtrack.results.run_cost import run_cost
 
 __all__ = [
     "Event",

@@ -13,7 +13,7 @@ from invtrack.channels import Channels
 from invtrack.control.protocol import Controller
 from invtrack.errors import SimulationError
 from invtrack.linear.switched import slowest_flexible_period
-from invtrack.plant.change import Change, ordered
+from invtrack.plant.parameters import Change, ordered
 from invtrack.plant.plant import Plant
 from invtrack.results.result import Event, RunResult, Signal
 from invtrack.simulation.grid import Grid, held_instants, make_grid, stage_instants, update_times, updates_of_steps

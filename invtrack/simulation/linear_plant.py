@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
+from invtrack.linear.propagation import zero_order_hold
 from invtrack.linear.switched import as_switched
-from invtrack.linear.zero_order_hold import zero_order_hold
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 Array = NDArray[np.float64]

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
-from invtrack.plant.callbacks import mujoco_callbacks
 from invtrack.plant.configuration import configuration_of
+from invtrack.plant.couplings import mujoco_callbacks
 from invtrack.plant.plant import Plant
 from invtrack.simulation.simulated_plant import SimulatedPlant
 

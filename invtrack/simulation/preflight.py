@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from invtrack.control.protocol import Controller, Instants
 from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import SimulationError
-from invtrack.linear.zero_order_hold import zero_order_hold
-from invtrack.plant.change import Change
+from invtrack.linear.propagation import zero_order_hold
+from invtrack.plant.parameters import Change
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 Array = NDArray[np.float64]

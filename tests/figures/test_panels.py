@@ -15,8 +15,7 @@ from matplotlib.image import imread
 from invtrack.channels import Channels
 from invtrack.errors import FileError
 from invtrack.figures import save_figure, tracking_figure
-from invtrack.figures.panels import envelope, parameter_intervals, within
-from invtrack.figures.style import line_looks
+from invtrack.figures.style import envelope, line_looks, parameter_intervals, within
 from invtrack.results import Signal
 from tests.synthetic_runs import JUMP, two_mode_run
 

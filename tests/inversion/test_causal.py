@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from invtrack.errors import NonHyperbolicError, PlanError
-from invtrack.inversion.causal import causal_inverse
 from invtrack.inversion.exact import invert
+from invtrack.inversion.no_preactuation import causal_inverse
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.linear.zeros import zeros

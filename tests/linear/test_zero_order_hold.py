@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad_vec, solve_ivp
 from scipy.linalg import expm
 
-from invtrack.linear.zero_order_hold import held_through, sampled_noise, transition_and_gramian, zero_order_hold
+from invtrack.linear.propagation import held_through, sampled_noise, transition_and_gramian, zero_order_hold
 
 RNG = np.random.default_rng(2)
 A, B = RNG.normal(size=(4, 4)), RNG.normal(size=(4, 2))

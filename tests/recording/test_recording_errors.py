@@ -8,7 +8,7 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-import invtrack.recording.write as write
+import invtrack.recording.recording_file as write
 from invtrack.errors import FileError, RecordingError
 from invtrack.recording import load_recording, save_recording
 from invtrack.results.result import RunResult

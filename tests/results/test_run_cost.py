@@ -9,8 +9,8 @@ import pytest
 
 from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
+from invtrack.results.metrics import run_cost
 from invtrack.results.result import RunResult, Signal
-from invtrack.results.run_cost import run_cost
 from tests.synthetic_runs import diverged, two_mode_run
 
 

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.inversion.bounded_solution import BoundedSolution, bounded_solution
+from invtrack.inversion.exact import BoundedSolution, bounded_solution
 from invtrack.inversion.modified.modified_dynamics import ModifiedDynamics, derivative_columns
 from invtrack.inversion.modified.modified_plan import Candidate
 from invtrack.inversion.modified.placement import MovablePart

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import InversionError
-from invtrack.inversion.bounded_solution import require_smooth
+from invtrack.inversion.exact import require_smooth
 from invtrack.inversion.modified.design import least_error_design, robust_design
 from invtrack.inversion.modified.design_problem import DesignProblem
 from invtrack.inversion.modified.modified_dynamics import equilibrium, has_equilibrium, undivided_dynamics

@@ -8,11 +8,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from invtrack.linear.propagation import transition_and_gramian
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.linear.zero_order_hold import transition_and_gramian
 from invtrack.plans.tail import Tail
-from invtrack.redesign.weights import Weights
+from invtrack.redesign.cost import Weights
 from invtrack.references.signal import JUMP_TOLERANCE, Generator, PiecewiseSignal
 
 Array = NDArray[np.float64]

@@ -14,11 +14,11 @@ from invtrack.linear.state_space import StateSpace
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import Trajectory, TwoSidedSegments, grouped
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
+from invtrack.redesign.cost import Weights
 from invtrack.redesign.limited.discretization import Grid, ramp, tail_cost
 from invtrack.redesign.limited.limit_check import PathPoints
 from invtrack.redesign.limited.quadratic_program import QuadraticProgram
 from invtrack.redesign.limits import Bound
-from invtrack.redesign.weights import Weights
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

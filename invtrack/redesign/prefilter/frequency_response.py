@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from invtrack.checks import real_matrix
 from invtrack.errors import RedesignError
 from invtrack.linear.state_space import StateSpace
+from invtrack.redesign.cost import FrequencyWeight
 from invtrack.redesign.prefilter.fourier import FourierWindow
-from invtrack.redesign.weights import FrequencyWeight
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

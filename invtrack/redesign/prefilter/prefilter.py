@@ -12,6 +12,7 @@ from invtrack.checks import real_numbers, require_share
 from invtrack.errors import RedesignError, TrajectoryError
 from invtrack.linear.switched import as_switched
 from invtrack.plans.problem import require_reference
+from invtrack.redesign.cost import FREE_HOLDING, WeightLike, frequency_weight, without_rounding
 from invtrack.redesign.prefilter.fourier import FourierWindow, rate_spectrum, refine
 from invtrack.redesign.prefilter.frequency_response import (
     FrequencyResponse,
@@ -21,7 +22,6 @@ from invtrack.redesign.prefilter.frequency_response import (
     require_strictly_proper,
     time_scales,
 )
-from invtrack.redesign.weights import FREE_HOLDING, WeightLike, frequency_weight, without_rounding
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
