@@ -13,6 +13,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
 
 if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
@@ -63,6 +64,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
 __all__ = [
     "BodyMass",
     "Change",
+    "Channels",
     "ExosystemController",
     "GainSchedule",
     "InvtrackError",

@@ -4,12 +4,13 @@ from invtrack.control.exosystem_controller import ExosystemController
 from invtrack.control.gains import GainSchedule, lqr, place
 from invtrack.control.observer import ExosystemObserver, KalmanFilter, LuenbergerObserver, Observer
 from invtrack.control.output_feedback import OutputFeedbackController, OutputFeedbackLaw
-from invtrack.control.protocol import AffineLaw, Controller, Instants, Law
+from invtrack.control.protocol import AffineLaw, Controller, DifferenceLaw, Instants, Law
 from invtrack.control.tracking_controller import PlanFollower, TrackingController
 
 __all__ = [
     "AffineLaw",
     "Controller",
+    "DifferenceLaw",
     "ExosystemController",
     "ExosystemObserver",
     "GainSchedule",

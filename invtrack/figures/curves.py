@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from invtrack.errors import InvtrackError
 from invtrack.figures.style import FAINT, REFERENCE, draw_line, draw_magnitudes, line_looks, new_figure, shared_style, within
+from invtrack.plans.plan import Plan, Samples
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,7 @@ Line = tuple[Array, Array]
 
 INCHES_PER_PANEL = 2.0
 PHASE_TICKS = 7
+PLAN_POINTS = 3000  # over all of a plan that is shown
 
 
 def overlay_figure(
@@ -83,6 +85,50 @@ def _require_curves(quantity: str, curves: Mapping[str, Line]) -> None:
     for name, (time, values) in curves.items():
         if len(time) != len(values):
             raise InvtrackError(f"curve {name!r} of {quantity} has {len(values)} values at {len(time)} times")
+
+
+def plan_figure(
+    plans: Plan | Mapping[str, Plan], *, states: Sequence[str] = (), window: tuple[float, float] | None = None
+) -> Figure:
+    """One plan, or several by the names that their lines get: every output with the wanted one, every input, and chosen states.
+
+    Args:
+        plans: of one and the same plant and reference.
+        states: names of the states that are drawn too, as deviations from the operating point.
+        window: (start, end) [s] that is shown; the manoeuvre with its own length before and after it unless given, as far as the
+            plans go.
+
+    Raises InvtrackError for no plan, plans of different channels, and names of states that there are not.
+    """
+    named = {plans.method: plans} if isinstance(plans, Plan) else dict(plans)
+    if not named:
+        raise InvtrackError("expected at least one plan to draw, got none")
+    model = next(iter(named.values())).model
+    for name, plan in named.items():
+        if (plan.model.outputs, plan.model.inputs) != (model.outputs, model.inputs):
+            found, expected = (f"{each.inputs} to {each.outputs}" for each in (plan.model, model))
+            raise InvtrackError(f"plan {name!r} leads from {found}, the first one from {expected}; draw plans of one plant")
+    values = {name: _sampled(plan, window) for name, plan in named.items()}
+    time, wanted = (getattr(next(iter(values.values())), field) for field in ("time", "y_d"))
+    panels: list[tuple[str, Mapping[str, Line]]] = []
+    for i, text in enumerate(model.outputs.labels):
+        panels.append((text, {**{name: (at.time, at.y[:, i]) for name, at in values.items()}, "wanted": (time, wanted[:, i])}))
+    for i, text in enumerate(model.inputs.labels):
+        panels.append((text, {name: (at.time, at.u[:, i]) for name, at in values.items()}))
+    for i, text in zip(map(model.states.index, states), model.states.subset(states).labels, strict=True):
+        panels.append((text, {name: (at.time, at.x[:, i]) for name, at in values.items()}))
+    return overlay_figure("Planned motion", panels=panels, wanted="wanted")
+
+
+def _sampled(plan: Plan, window: tuple[float, float] | None) -> Samples:
+    """The plan over the window, both sides of its breakpoints included."""
+    (T_i, T_f), length = plan.manoeuvre, max(plan.manoeuvre[1] - plan.manoeuvre[0], np.finfo(float).tiny)
+    start, end = (max(plan.start, T_i - length), min(plan.end, T_f + length)) if window is None else window
+    inner = plan.breakpoints[(plan.breakpoints > start) & (plan.breakpoints < end)]
+    edges = np.concatenate([[start], inner, [end]])
+    share = np.linspace(0.0, 1.0, max(3, PLAN_POINTS // (len(edges) - 1)))
+    times = edges[:-1, None] + np.diff(edges)[:, None] * share
+    return plan(times.ravel(), inside=np.repeat((edges[:-1] + edges[1:]) / 2, len(share)))
 
 
 def sweep_figure(

@@ -3,8 +3,8 @@
 from invtrack.inversion.exact import invert
 from invtrack.inversion.feasibility import feasibility
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
-from invtrack.inversion.modified.modified_inversion import modified_inversion
-from invtrack.inversion.modified.modified_plan import Candidate, Modification, ModifiedTrajectory
+from invtrack.inversion.modified.design_problem import Candidate
+from invtrack.inversion.modified.modified_inversion import Modification, ModifiedTrajectory, modified_inversion
 from invtrack.inversion.modified.preactuation_trade_off import (
     TradeOff,
     TradeOffPoint,

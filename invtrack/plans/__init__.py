@@ -1,17 +1,23 @@
-"""Plans, which every method returns: their values, certificate, preactuation and export."""
+"""Plans, which every method returns: their values, certificate, preactuation, and what samples them and reads them back."""
 
 from invtrack.plans.certificate import Certificate
 from invtrack.plans.export import export_plan, read_plan, sampled_plan
 from invtrack.plans.plan import Plan, Samples
 from invtrack.plans.plan_file import SampledPlan
 from invtrack.plans.preactuation import PreactuationBound, preactuation_bound
+from invtrack.plans.tail import Tail
+from invtrack.plans.trajectory import PolynomialSegments, Trajectory, TwoSidedSegments
 
 __all__ = [
     "Certificate",
     "Plan",
+    "PolynomialSegments",
     "PreactuationBound",
     "SampledPlan",
     "Samples",
+    "Tail",
+    "Trajectory",
+    "TwoSidedSegments",
     "export_plan",
     "preactuation_bound",
     "read_plan",

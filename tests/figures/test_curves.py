@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import invtrack
 from invtrack.errors import InvtrackError
-from invtrack.figures import Decay, decay_figure, frequency_response_figure, overlay_figure, sweep_figure
-from tests.figures.drawn import legend_entries, points
+from invtrack.figures import Decay, decay_figure, frequency_response_figure, overlay_figure, plan_figure, sweep_figure
+from tests.cited_plants import cantilever_paper
+from tests.figures.drawn import legend_entries, line_named, points
 
 ComplexArray = NDArray[np.complex128]
 
@@ -121,3 +123,37 @@ def test_a_panel_for_each_error_with_its_unit_and_rate() -> None:
 def test_decays_that_cannot_be_drawn_are_refused(decays: list[Decay], message: str) -> None:
     with pytest.raises(InvtrackError, match=message):
         decay_figure("decay", decays)
+
+
+def test_a_plan_is_drawn_with_both_sides_of_its_jumps() -> None:
+    light, heavy = (
+        invtrack.StateSpace(*cantilever_paper(mass), inputs=["force"], outputs=invtrack.Channels(["tip"], ["m"]))
+        for mass in (0.0, 9.0)
+    )
+    plan = invtrack.invert(invtrack.SwitchedSystem([light, heavy], [2.0]), invtrack.raised_cosine(2.0), tolerance=1e-4)
+    figure = plan_figure(plan, states=["x2"], window=(-1.0, 7.0))
+    output, force, state = figure.axes
+    assert [axes.get_ylabel() for axes in figure.axes] == ["tip [m]", "force", "x2"]
+    assert legend_entries(figure) == ["stable inversion", "wanted"]
+    t, y = points(line_named(output, "wanted"))
+    assert y == pytest.approx(plan.reference(t)[:, 0], abs=1e-9)
+    t, u = points(line_named(force, "stable inversion"))
+    sides = [plan(2.0, inside=side).u[0, 0] for side in (1.9, 2.1)]
+    assert u[t == 2.0] == pytest.approx(np.array(sides), rel=1e-9)
+    assert sides[0] != pytest.approx(sides[1], rel=0.1)
+    assert points(state.lines[0])[1] == pytest.approx(plan(points(state.lines[0])[0]).x[:, 1], abs=1e-9)
+    half = invtrack.quadratic_redesign(plan.model, plan.reference, R=1e-5, Q_y=1.0, tolerance=1e-4)
+    both = plan_figure({"exact": plan, "half the force": half})
+    assert legend_entries(both) == ["exact", "half the force", "wanted"]
+
+
+def test_plans_that_do_not_fit_a_figure_are_refused() -> None:
+    model = invtrack.StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]])
+    other = invtrack.StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], inputs=["torque"])
+    one, two = (invtrack.invert(each, invtrack.rest_to_rest(0.0, 1.0, duration=1.0)) for each in (model, other))
+    with pytest.raises(InvtrackError, match="at least one plan"):
+        plan_figure({})
+    with pytest.raises(InvtrackError, match="plan 'b' leads from torque to y1, the first one from u1 to y1"):
+        plan_figure({"a": one, "b": two})
+    with pytest.raises(InvtrackError, match="no channel is named 'z'; there are: x1, x2"):
+        plan_figure(one, states=["z"])

@@ -7,8 +7,7 @@ import pytest
 import scipy.integrate
 
 from invtrack.inversion.modified.design_problem import DesignProblem
-from invtrack.inversion.modified.modified_inversion import modified_inversion
-from invtrack.inversion.modified.modified_plan import ModifiedTrajectory
+from invtrack.inversion.modified.modified_inversion import ModifiedTrajectory, modified_inversion
 from invtrack.linear.normal_form import normal_form
 from invtrack.linear.state_space import StateSpace
 from invtrack.references.profiles import rest_to_rest

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import InversionError
-from invtrack.inversion.modified.design_problem import DesignProblem, Solved, with_least_squares, without_feedforward
+from invtrack.inversion.modified.design_problem import Candidate, DesignProblem, Solved, with_least_squares, without_feedforward
 from invtrack.inversion.modified.direction_search import best_directions
 from invtrack.inversion.modified.modified_dynamics import ModifiedDynamics, equilibrium, modified_dynamics
-from invtrack.inversion.modified.modified_plan import Candidate
 from invtrack.inversion.modified.placement import MovablePart, robust_gain, structured_gain
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from invtrack.inversion.exact import BoundedSolution, bounded_solution
 from invtrack.inversion.modified.modified_dynamics import ModifiedDynamics, derivative_columns
-from invtrack.inversion.modified.modified_plan import Candidate
 from invtrack.inversion.modified.placement import MovablePart
 from invtrack.linear.internal_dynamics import InternalDynamics
 from invtrack.plans.certificate import ACCURACY, certify
@@ -121,6 +120,14 @@ class DesignProblem:
     def no_feedforward(self) -> list[Array]:
         """L = 0 in each interval."""
         return [np.zeros((len(self.output_scale), len(part.degrees) + sum(part.degrees))) for part in self.parts]
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One choice of the freedom in F and L: its name, and the integral square of its predicted error over output_scale [s]."""
+
+    name: str
+    integral_square_error: float
 
 
 @dataclass(frozen=True, eq=False)

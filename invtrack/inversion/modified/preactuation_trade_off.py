@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import InversionError
-from invtrack.inversion.modified.modified_inversion import modified_inversion
-from invtrack.inversion.modified.modified_plan import ModifiedTrajectory
+from invtrack.inversion.modified.modified_inversion import ModifiedTrajectory, modified_inversion
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named
 from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.linear.switched import as_switched
