@@ -131,9 +131,11 @@ def _continuity(trajectory: Trajectory, size: Array) -> float:
 
 
 def _rest_residual(trajectory: Trajectory, span: tuple[float, float], size: Array) -> float:
-    """How much the states still change from the ends of the span on outward, over ten times its length."""
+    """How much the states still change from the span's ends on outward, over ten times its length; infinite if they explode."""
     length = span[1] - span[0]
     times = np.array([span[0], span[0] - 10 * length, span[1], span[1] + 10 * length])
     last = len(trajectory.breakpoints)
-    x = trajectory(times, np.array([0, 0, last, last]))[:, : len(size)]
-    return float(np.max(np.abs(x[[0, 2]] - x[[1, 3]]) / size))
+    with np.errstate(over="ignore", invalid="ignore"):  # an endless reference that grows leaves the range of numbers out there
+        x = trajectory(times, np.array([0, 0, last, last]))[:, : len(size)]
+        change = float(np.max(np.abs(x[[0, 2]] - x[[1, 3]]) / size))
+    return np.inf if np.isnan(change) else change

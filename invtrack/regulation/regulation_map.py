@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from invtrack.checks import real_numbers
 from invtrack.errors import InversionError, TrajectoryError
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.certificate import certify
 from invtrack.plans.plan import Plan
-from invtrack.plans.problem import actuation_times
+from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import DrivenSystem
 from invtrack.plans.two_sided_problem import Pieces, two_sided_trajectory
@@ -144,28 +143,11 @@ class RegulationMap:
             )
         # At T_i, a breakpoint of the plan: its reference is to have no breakpoint that it does not know.
         x_0, T_i = self._at_start(x_e, at), self.manoeuvre[0]
-        point = self.model.operating_point
         deviation = self._comparable.reference(x_0, at=T_i).refined(self.breakpoints)
         trajectory = self.pieces.trajectory(self.breakpoints, self._comparable.states(x_0, T_i, self.breakpoints))
-        preactuation, postactuation, _ = actuation_times(trajectory, self.manoeuvre, self.tolerance)
-        span = (self.manoeuvre[0] - preactuation, self.manoeuvre[1] + postactuation)
-        # An exosystem that grows without end leaves the range of numbers where the certificate looks for rest: there is none.
-        with np.errstate(over="ignore", invalid="ignore"):
-            certificate = certify(self.model, trajectory, deviation, span)
-        if np.isnan(certificate.rest_residual):
-            certificate = replace(certificate, rest_residual=np.inf)
-        return Plan(
-            method=self.method,
-            model=self.model,
-            reference=_absolute(deviation, point.y0),
-            trajectory=trajectory,
-            manoeuvre=self.manoeuvre,
-            preactuation=preactuation,
-            postactuation=postactuation,
-            tolerance=self.tolerance,
-            certificate=certificate,
-            remarks=self.remarks,
-        )
+        reference = _absolute(deviation, self.model.operating_point.y0)
+        problem = PlanningProblem(self.model, reference, deviation, deviation.end_anchors(), self.tolerance, None)
+        return problem.plan(self.method, trajectory, exact=None, remarks=self.remarks)
 
     def describe_inadmissible(self) -> str:
         """The inadmissible named states and the reason of each, and where combinations of them are lost, as one sentence."""
