@@ -56,7 +56,7 @@ def _chunks(path: Path) -> dict[str, list[Chunk]]:
 
 
 def _run(header: dict[str, Any], chunks: dict[str, list[Chunk]], source: str | Path) -> RunResult:
-    case = header["name"]
+    case = header["root"]
 
     def rows(path: str, shape: tuple[int, int], field: str = SCALARS) -> Array:
         return _matrix(chunks.get(path, []), field, shape, f"{path} in {source}")
@@ -71,7 +71,7 @@ def _run(header: dict[str, Any], chunks: dict[str, list[Chunk]], source: str | P
 
     models = [chunk for chunk in chunks[entity_path(case, "run")] if MJB in _fields(chunk)]
     return RunResult(
-        name=case,
+        name=header["name"],
         model=header["model"],
         time=rows(entity_path(case, "time"), (header["samples"], 1))[:, 0],
         **{name: signal(name) for name in SAMPLED + HELD},

@@ -91,8 +91,13 @@ def test_recordings_of_other_programs(tmp_path: Path) -> None:
 def test_a_later_format_is_refused(run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(write, "FORMAT", 99)
     path = save_recording(run, tmp_path / "run.rrd")
-    with pytest.raises(RecordingError, match="format 99, this version reads 1"):
+    with pytest.raises(RecordingError, match="format 99, this version reads 2"):
         load_recording(path)
+
+
+def test_several_cases_do_not_share_the_place_of_one(run: RunResult, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="expected one case for a recording that shares its layout with others, got 2"):
+        save_recording([run, dataclasses.replace(run, name="other")], tmp_path / "run.rrd", application="study")
 
 
 def test_missing_data_are_reported(run: RunResult, tmp_path: Path) -> None:
