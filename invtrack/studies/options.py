@@ -48,7 +48,7 @@ class StudyOptions:
     """Largest physics step [s]."""
 
     case: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME")] = ()
-    """Run only this case; may be given several times."""
+    """Run only this case, or sweep of further points; may be given several times."""
 
     seed: int = 0
     """Seed of everything random, such as the sensors' noise."""
