@@ -6,6 +6,8 @@ python benchmarks/benchmark.py --quick    # a tenth of the sizes
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
@@ -39,7 +41,7 @@ class Timing:
 
 
 def in_turns(first: Callable[[], object], second: Callable[[], object], turns: int) -> Timing:
-    """Run both in turns, after one that does not count, and compare turn by turn."""
+    """Run both in turns and compare turn by turn."""
     pairs = []
     for _ in range(turns + 1):
         seconds = []
@@ -48,6 +50,11 @@ def in_turns(first: Callable[[], object], second: Callable[[], object], turns: i
             work()
             seconds.append(time.perf_counter() - begin)
         pairs.append(seconds)
+    return compared(pairs)
+
+
+def compared(pairs: Sequence[Sequence[float]]) -> Timing:
+    """Both medians and that of the ratios, without the first pair: it pays for what is read and compiled once."""
     counted = pairs[1:]
     return Timing(
         first=median(pair[0] for pair in counted),
@@ -64,6 +71,7 @@ def main(quick: bool = False, turns: int = 5) -> None:
         turns: how often the two sides of a comparison are timed.
     """
     share = 0.1 if quick else 1.0
+    imports(turns)
     with tempfile.TemporaryDirectory() as folder:
         closed_loop(Path(folder), int(100_000 * share), turns)
         recording(Path(folder), int(100_000 * share), turns)
@@ -74,11 +82,29 @@ def main(quick: bool = False, turns: int = 5) -> None:
     linearization(turns)
 
 
+def imports(turns: int) -> None:
+    """Importing invtrack in a fresh interpreter, against importing the two libraries without which it can do nothing."""
+    used = "Plant, model_path, BodyMass, linearize, SwitchedSystem, rest_to_rest, invert, TrackingController, lqr, Change, simulate"
+    programs = {"import invtrack": "import invtrack", "the names of README's program": f"from invtrack import {used}"}
+    rows: dict[str, dict[str, Cell]] = {}
+    for name, program in programs.items():
+        timing = compared([[seconds_of(program), seconds_of("import mujoco, scipy.linalg")] for _ in range(turns + 1)])
+        rows[name] = {"time": timing.first, "libraries": timing.second, "ratio": timing.ratio}
+    columns = [Column("time", "s"), Column("mujoco, scipy.linalg", "s", "libraries"), Column("ratio")]
+    print_table("Imports in a fresh interpreter", columns=columns, rows=rows, row_header="program")
+
+
+def seconds_of(program: str) -> float:
+    """How long a program takes in a fresh interpreter, the interpreter's own start not counted."""
+    timed = f"import time; begin = time.perf_counter()\n{program}\nprint(time.perf_counter() - begin)"
+    return float(subprocess.run([sys.executable, "-c", timed], capture_output=True, text=True, check=True).stdout)
+
+
 def closed_loop(folder: Path, steps: int, turns: int) -> None:
-    """Steps per second of the closed loop, state feedback on a make, against a Python loop that only calls mj_step.
+    """Steps per second of the closed loop, state feedback on a plan, against a Python loop that only calls mj_step.
 
     "closed loop" is the stepping itself: state read, law evaluated, step taken, everything recorded. "simulate" is the whole call,
-    with the make looked up at every step before the loop and the result put together after it.
+    with the plan looked up at every step before the loop and the result put together after it.
     """
     rows: dict[str, dict[str, Cell]] = {}
     for plant in (cantilever(), chain(folder, 21)):
@@ -182,7 +208,7 @@ def inversion_over_spline(share: float, turns: int) -> None:
         timing = in_turns(lambda size=size: make(size), lambda size=size: make(size // 10), min(turns, 3))  # type: ignore[misc]
         rows[str(size)] = {"time": timing.first, "ratio": timing.ratio, "per_sample": 1e6 * timing.first / size}
     columns = [Column("time", "s"), Column("ratio to a tenth of the samples", key="ratio"), Column("per sample", "us")]
-    print_table("Spline through samples: build, make, evaluate", columns=columns, rows=rows, row_header="samples")
+    print_table("Spline through samples: build, plan, evaluate", columns=columns, rows=rows, row_header="samples")
 
 
 def methods_over_jumps(numbers: Sequence[int], turns: int) -> None:
@@ -191,7 +217,7 @@ def methods_over_jumps(numbers: Sequence[int], turns: int) -> None:
     models = [invtrack.linearize(plant, tip_mass=mass) for mass in (0.0, 100.0, 10.0)]
     duration = 2 * np.pi
     reference = invtrack.raised_cosine(2.0)
-    exosystem = invtrack.sinusoidal_exosystem([1.0], start=0.0, end=duration)
+    exosystem = invtrack.references.sinusoidal_exosystem([1.0], start=0.0, end=duration)
     methods: dict[str, Callable[[invtrack.SwitchedSystem], object]] = {
         "invert": lambda model: invtrack.invert(model, reference),
         "modified_inversion": lambda model: invtrack.modified_inversion(

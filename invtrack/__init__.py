@@ -2,85 +2,68 @@
 
     plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
 
+Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `references`, `plans`, `inversion`,
+`redesign`, `regulation`, `control`, `simulation`, `results`, `recording`, `figures`, `studies`.
+
 Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, and the papers in it.
 """
 
-from invtrack.control.exosystem_controller import ExosystemController
-from invtrack.control.exosystem_observer import ExosystemObserver
-from invtrack.control.gains import GainSchedule, lqr, place
-from invtrack.control.observer import KalmanFilter, LuenbergerObserver
-from invtrack.control.output_feedback import OutputFeedbackController
-from invtrack.control.tracking_controller import TrackingController
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from invtrack.errors import InvtrackError
-from invtrack.inversion.causal import causal_inverse
-from invtrack.inversion.exact import invert
-from invtrack.inversion.feasibility import feasibility
-from invtrack.inversion.modified.modified_inversion import modified_inversion
-from invtrack.inversion.modified.preactuation_trade_off import preactuation_trade_off, tune_modified_inversion
-from invtrack.inversion.steady_state import steady_state_feedforward
-from invtrack.linear.internal_dynamics import zeros
-from invtrack.linear.normal_form import normal_form, relative_degree
-from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
-from invtrack.linear.switched import SwitchedSystem
-from invtrack.linear.zeros import zero_report
-from invtrack.plans.export import export_plan
-from invtrack.plans.plan import Certificate, Plan
-from invtrack.plans.plan_file import SampledPlan, read_plan
-from invtrack.plans.preactuation import preactuation_bound
-from invtrack.plant.change import Change
-from invtrack.plant.linearize import linearize
-from invtrack.plant.loading import model_path
-from invtrack.plant.parameters import BodyMass, JointDamping, JointStiffness, TendonDamping, TendonStiffness
-from invtrack.plant.plant import Plant
-from invtrack.plant.variants import with_coupling_scaled, with_input_limits
-from invtrack.recording.read import load_recording
-from invtrack.recording.write import save_recording
-from invtrack.redesign.constrained import constrained_redesign
-from invtrack.redesign.cost import cost
-from invtrack.redesign.limits import Limits, StateLimit
-from invtrack.redesign.pareto import pareto_sweep
-from invtrack.redesign.prefilter.prefilter import prefilter
-from invtrack.redesign.quadratic import quadratic_redesign
-from invtrack.references.exosystem import (
-    Exosystem,
-    exosystem,
-    polynomial_exosystem,
-    sinusoidal_exosystem,
-    stack_exosystems,
-    step_exosystem,
-    sum_exosystems,
-)
-from invtrack.references.profiles import autonomous, constant, piecewise_polynomial, raised_cosine, rest_to_rest
-from invtrack.references.reference_report import reference_report
-from invtrack.references.samples import load_reference, sampled_reference
-from invtrack.references.signal import PiecewiseSignal, stack
-from invtrack.regulation.exosystem_map import exosystem_map
-from invtrack.regulation.francis import francis
-from invtrack.regulation.francis_map import single_francis, switched_francis
-from invtrack.regulation.regulation_map import RegulationMap
-from invtrack.results.metrics import (
-    max_error,
-    metrics,
-    peak_input,
-    preactuation_time,
-    residual_vibration,
-    rms_error,
-    state_vibration,
-)
-from invtrack.results.result import Event, RunResult, Signal
-from invtrack.results.run_cost import run_cost
-from invtrack.simulation.closed_loop import simulate
-from invtrack.simulation.linear_plant import LinearPlant
-from invtrack.simulation.sensors import Sensor
+
+if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
+    from invtrack import control as control
+    from invtrack import figures as figures
+    from invtrack import inversion as inversion
+    from invtrack import linear as linear
+    from invtrack import plans as plans
+    from invtrack import plant as plant
+    from invtrack import recording as recording
+    from invtrack import redesign as redesign
+    from invtrack import references as references
+    from invtrack import regulation as regulation
+    from invtrack import results as results
+    from invtrack import simulation as simulation
+    from invtrack import studies as studies
+    from invtrack.control import (
+        ExosystemController,
+        GainSchedule,
+        KalmanFilter,
+        LuenbergerObserver,
+        OutputFeedbackController,
+        TrackingController,
+        lqr,
+        place,
+    )
+    from invtrack.inversion import causal_inverse, invert, modified_inversion
+    from invtrack.linear import StateSpace, SwitchedSystem
+    from invtrack.plans import Plan, export_plan, read_plan
+    from invtrack.plant import (
+        BodyMass,
+        Change,
+        JointDamping,
+        JointStiffness,
+        Plant,
+        TendonDamping,
+        TendonStiffness,
+        linearize,
+        model_path,
+    )
+    from invtrack.recording import load_recording, save_recording
+    from invtrack.redesign import Limits, StateLimit, constrained_redesign, quadratic_redesign
+    from invtrack.references import PiecewiseSignal, load_reference, raised_cosine, rest_to_rest, sampled_reference
+    from invtrack.regulation import exosystem_map
+    from invtrack.results import RunResult, max_error, metrics, residual_vibration
+    from invtrack.simulation import LinearPlant, Sensor, simulate
 
 __all__ = [
     "BodyMass",
-    "Certificate",
     "Change",
-    "Event",
-    "Exosystem",
     "ExosystemController",
-    "ExosystemObserver",
     "GainSchedule",
     "InvtrackError",
     "JointDamping",
@@ -89,33 +72,22 @@ __all__ = [
     "Limits",
     "LinearPlant",
     "LuenbergerObserver",
-    "Measurement",
-    "OperatingPoint",
     "OutputFeedbackController",
     "PiecewiseSignal",
     "Plan",
     "Plant",
-    "RegulationMap",
     "RunResult",
-    "SampledPlan",
     "Sensor",
-    "Signal",
     "StateLimit",
     "StateSpace",
     "SwitchedSystem",
     "TendonDamping",
     "TendonStiffness",
     "TrackingController",
-    "autonomous",
     "causal_inverse",
-    "constant",
     "constrained_redesign",
-    "cost",
-    "exosystem",
     "exosystem_map",
     "export_plan",
-    "feasibility",
-    "francis",
     "invert",
     "linearize",
     "load_recording",
@@ -125,40 +97,62 @@ __all__ = [
     "metrics",
     "model_path",
     "modified_inversion",
-    "normal_form",
-    "pareto_sweep",
-    "peak_input",
-    "piecewise_polynomial",
     "place",
-    "polynomial_exosystem",
-    "preactuation_bound",
-    "preactuation_time",
-    "preactuation_trade_off",
-    "prefilter",
     "quadratic_redesign",
     "raised_cosine",
     "read_plan",
-    "reference_report",
-    "relative_degree",
     "residual_vibration",
     "rest_to_rest",
-    "rms_error",
-    "run_cost",
     "sampled_reference",
     "save_recording",
     "simulate",
-    "single_francis",
-    "sinusoidal_exosystem",
-    "stack",
-    "stack_exosystems",
-    "state_vibration",
-    "steady_state_feedforward",
-    "step_exosystem",
-    "sum_exosystems",
-    "switched_francis",
-    "tune_modified_inversion",
-    "with_coupling_scaled",
-    "with_input_limits",
-    "zero_report",
-    "zeros",
 ]
+
+# A room is loaded when it, or a name of it, is first used (PEP 562): who plans waits for neither MuJoCo nor Rerun nor matplotlib.
+_ROOMS: dict[str, tuple[str, ...]] = {
+    "plant": (
+        "BodyMass",
+        "Change",
+        "JointDamping",
+        "JointStiffness",
+        "Plant",
+        "TendonDamping",
+        "TendonStiffness",
+        "linearize",
+        "model_path",
+    ),
+    "linear": ("StateSpace", "SwitchedSystem"),
+    "references": ("PiecewiseSignal", "load_reference", "raised_cosine", "rest_to_rest", "sampled_reference"),
+    "plans": ("Plan", "export_plan", "read_plan"),
+    "inversion": ("causal_inverse", "invert", "modified_inversion"),
+    "redesign": ("Limits", "StateLimit", "constrained_redesign", "quadratic_redesign"),
+    "regulation": ("exosystem_map",),
+    "control": (
+        "ExosystemController",
+        "GainSchedule",
+        "KalmanFilter",
+        "LuenbergerObserver",
+        "OutputFeedbackController",
+        "TrackingController",
+        "lqr",
+        "place",
+    ),
+    "simulation": ("LinearPlant", "Sensor", "simulate"),
+    "results": ("RunResult", "max_error", "metrics", "residual_vibration"),
+    "recording": ("load_recording", "save_recording"),
+    "figures": (),
+    "studies": (),
+}
+
+
+def __getattr__(name: str) -> Any:
+    for room, names in _ROOMS.items():
+        if name == room or name in names:
+            module = importlib.import_module(f"{__name__}.{room}")
+            globals()[name] = value = module if name == room else getattr(module, name)
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_ROOMS, *__all__})

@@ -1,26 +1,154 @@
-"""Numbers that a user hands over, as arrays."""
+"""Numbers that a user hands over, checked where they enter.
+
+Every check takes the name that its message speaks of and the class of the error that it raises, so that a room refuses in its own.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.errors import TrajectoryError
+from invtrack.errors import InvtrackError, TrajectoryError
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Refusal = type[InvtrackError]
+
+SYMMETRY_TOLERANCE = 1e-9
+"""Largest share of a weight by which an entry may differ from the one across the diagonal."""
+
+SEMIDEFINITE_TOLERANCE = 1e-12
+"""An eigenvalue counts as zero where it is no larger than this share of its matrix, once the matrix's diagonal is scaled to one."""
 
 
-def real_numbers(name: str, value: ArrayLike) -> Array:
-    """A copy as real numbers; TrajectoryError with the name of what is none."""
+def real_numbers(name: str, value: ArrayLike, *, error: Refusal = TrajectoryError) -> Array:
+    """A copy as real numbers of any shape, infinite ones and NaN among them; raises `error` for anything else."""
     try:
-        return np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise TrajectoryError(f"{name} must be real numbers, got {value!r}: {error}") from error
+        return np.array(value).astype(float, casting="same_kind")
+    except (TypeError, ValueError) as reason:
+        raise error(f"{name} must be real numbers, got {value!r}: {reason}") from reason
 
 
-def real_matrix(name: str, value: ArrayLike) -> Array:
-    """A copy as a matrix of finite real numbers, a row as one of one row; TrajectoryError for anything else."""
-    matrix = np.atleast_2d(real_numbers(name, value))
-    if matrix.ndim != 2 or not np.all(np.isfinite(matrix)):
-        raise TrajectoryError(f"{name} must be a matrix of finite real numbers, got shape {matrix.shape}")
+def real_matrix(name: str, value: ArrayLike, *, shape: tuple[int, int] | None = None, error: Refusal = TrajectoryError) -> Array:
+    """A copy as a matrix of finite real numbers, a vector as one of one row; raises `error` for anything else.
+
+    shape: the one that it must have, any unless stated.
+    """
+    matrix = np.atleast_2d(real_numbers(name, value, error=error))
+    if matrix.ndim != 2 or (shape is not None and matrix.shape != shape):
+        kind = "a matrix" if shape is None else f"a {shape} matrix"
+        raise error(f"{name} must be {kind} of finite real numbers, got shape {matrix.shape}")
+    if not np.all(np.isfinite(matrix)):
+        raise error(f"{name} must be a matrix of finite real numbers, it has entries that are not finite")
     return matrix
+
+
+def real_vector(name: str, value: ArrayLike, entries: Sequence[str], *, error: Refusal = TrajectoryError) -> Array:
+    """A copy as one finite real number for each of the named `entries`, (n,); raises `error` for anything else."""
+    vector = real_numbers(name, value, error=error)
+    if vector.shape != (len(entries),) or not np.all(np.isfinite(vector)):
+        raise error(f"{name} must be finite, one number for each of {list(entries)}, got {value!r}")
+    return vector
+
+
+def increasing_times(name: str, value: ArrayLike, *, error: Refusal = TrajectoryError) -> Array:
+    """A copy as times (m,) [s], finite and increasing, possibly none; raises `error` for anything else."""
+    times = real_numbers(name, value, error=error).reshape(-1)
+    if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+        shown = f"{times.tolist()}" if len(times) <= 8 else f"{times[:8].tolist()} and {len(times) - 8} more"
+        raise error(f"{name} must be finite and increase, got {shown}")
+    return times
+
+
+def require_duration(name: str, value: float, *, error: Refusal = TrajectoryError) -> None:
+    """Raises `error` unless `value` is a positive, finite number of seconds."""
+    if not 0 < value < np.inf:
+        raise error(f"{name} must be a positive number of seconds, got {value}")
+
+
+def require_not_negative(name: str, value: float, *, error: Refusal) -> None:
+    """Raises `error` unless `value` is finite and zero or more."""
+    if not 0 <= value < np.inf:
+        raise error(f"{name} must be finite and not negative, got {value}")
+
+
+def require_share(name: str, value: float, *, error: Refusal) -> None:
+    """Raises `error` unless `value` lies between 0 and 1, neither of them included."""
+    if not 0 < value < 1:
+        raise error(f"{name} must lie between 0 and 1, got {value}")
+
+
+def stable_poles(name: str, value: Sequence[complex], count: int, *, error: Refusal) -> ComplexArray:
+    """Poles (count,) [rad/s] left of the imaginary axis; raises `error` for anything else."""
+    poles = np.array(value, dtype=complex)
+    if poles.shape != (count,) or not np.all(poles.real < 0):
+        raise error(f"expected {count} {name} left of the imaginary axis, got {poles.tolist()}")
+    return poles
+
+
+def hermitian_weight(name: str, value: ArrayLike, size: int, *, meaning: str = "", where: str = "", error: Refusal) -> ComplexArray:
+    """A weight as Hermitian positive semidefinite matrix (size, size); a number stands for that multiple of the identity.
+
+    Args:
+        name: what the message calls it.
+        value: a number or a matrix (size, size), real or complex.
+        size: how many channels it weighs.
+        meaning: which channels these are, for the message: "inputs ['u1']".
+        where: at which frequency it holds, for the message: " at w = 3 rad/s".
+        error: class of what is raised for a value that is no such weight.
+    """
+    try:
+        matrix: ComplexArray = np.asarray(value, dtype=complex)
+    except (TypeError, ValueError) as reason:
+        raise error(f"{name} must be a number or a matrix of numbers{where}: {reason}") from reason
+    matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
+    if matrix.shape != (size, size):
+        expected = f"a number or a ({size}, {size}) matrix" + (f" for the {meaning}" if meaning else "")
+        raise error(f"{name} must be {expected}, got shape {matrix.shape}{where}")
+    if not np.all(np.isfinite(matrix)):
+        raise error(f"{name} has entries that are not finite{where}")
+    # Entry by entry against its own row and column: the units of the channels may differ by orders of magnitude.
+    size_of, mirrored = np.sqrt(np.abs(np.diag(matrix))), matrix.conj().T
+    if np.any(np.abs(matrix - mirrored) > SYMMETRY_TOLERANCE * (np.outer(size_of, size_of) + np.abs(matrix))):
+        kind = "Hermitian" if np.any(matrix.imag) else "symmetric"
+        raise error(f"{name} must be {kind}, its halves differ by up to {np.max(np.abs(matrix - mirrored)):.3g}{where}")
+    matrix = (matrix + mirrored) / 2
+    smallest = smallest_eigenvalue(matrix)
+    if smallest < -SEMIDEFINITE_TOLERANCE * size:
+        raise error(f"{name} must be positive semidefinite, its smallest eigenvalue is {smallest:.3g} of its size{where}")
+    return matrix
+
+
+def real_weight(name: str, value: ArrayLike, size: int, *, meaning: str = "", definite: bool = False, error: Refusal) -> Array:
+    """The same for a weight that does not vary with frequency, which is real.
+
+    Args:
+        name: what the message calls it.
+        value: a number or a matrix (size, size).
+        size: how many channels it weighs.
+        meaning: which channels these are, for the message: "inputs ['u1']".
+        definite: whether it must be positive definite, not only semidefinite.
+        error: class of what is raised for a value that is no such weight.
+    """
+    matrix = hermitian_weight(name, value, size, meaning=meaning, error=error)
+    if np.any(np.abs(matrix.imag) > SYMMETRY_TOLERANCE * np.abs(matrix)):
+        raise error(
+            f"a constant {name} must be real, got imaginary parts of up to {np.max(np.abs(matrix.imag)):.3g}; only a weight that "
+            f"is a function of frequency may be complex, with {name}(-w) = conj {name}(w), which invtrack.prefilter takes"
+        )
+    weight = np.ascontiguousarray(matrix.real)
+    if definite and smallest_eigenvalue(weight) <= SEMIDEFINITE_TOLERANCE:
+        raise error(
+            f"{name} must be positive definite, its smallest eigenvalue is {smallest_eigenvalue(weight):.3g} of its size; weigh "
+            f"every one of the {meaning or 'channels'}"
+        )
+    return weight
+
+
+def smallest_eigenvalue(matrix: Array | ComplexArray) -> float:
+    """That of a Hermitian matrix in units in which its diagonal is one, so that the units of its channels do not matter."""
+    diagonal = np.abs(np.diag(matrix))
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    return float(np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])

@@ -9,6 +9,10 @@ class InvtrackError(Exception):
     """Base of all errors that invtrack raises on purpose."""
 
 
+class ChannelError(InvtrackError, ValueError):
+    """Names or units of channels do not fit each other, or no channel has the name that is asked for."""
+
+
 class ModelError(InvtrackError, ValueError):
     """A linear model is malformed: wrong shapes, names, or numbers that are not finite."""
 
@@ -21,7 +25,11 @@ class TrajectoryError(InvtrackError, ValueError):
     """A reference is malformed, or not smooth enough for the plant."""
 
 
-class InversionError(InvtrackError, ValueError):
+class PlanError(InvtrackError, ValueError):
+    """No plan can be made as asked, or the one found cannot be trusted; the message says why and what would help."""
+
+
+class InversionError(PlanError):
     """No bounded inverse exists; the message says which condition fails and what would help."""
 
 
@@ -37,7 +45,7 @@ class BoundednessError(InversionError):
     """The conditions that keep the solution bounded before and after the manoeuvre cannot all be met."""
 
 
-class RedesignError(InvtrackError, ValueError):
+class RedesignError(PlanError):
     """No optimal plan exists as asked: weights, limits or a held value; the message says which and what would help."""
 
 

@@ -16,9 +16,7 @@ from typing import Any
 import numpy as np
 
 import invtrack
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.preactuation_figure import preactuation_figure
-from invtrack.figures.tracking import tracking_figure
+from invtrack.figures import comparison_figure, preactuation_figure, tracking_figure
 from invtrack.studies import Case, Column, Session, Setup, Study, StudyOptions, Table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]
@@ -51,7 +49,7 @@ def build(options: StudyOptions) -> Setup:
         cases,
         sections={"plan": _plan_numbers(plan), "error_slope": partial(_error_slope, cases[0], options.timestep)},
         figures={
-            "preactuation": lambda done: _preactuation(done["inversion"]),
+            "preactuation": lambda done: preactuation_figure(done["inversion"]),
             "comparison": lambda done: comparison_figure(done.among(), window=(-10.0, 20.0)),
         },
         report=[
@@ -66,10 +64,9 @@ def _cases(plant: invtrack.Plant, model: invtrack.SwitchedSystem, plan: invtrack
     gains = invtrack.lqr(model, Q=100.0, R=0.01)
     exact = invtrack.TrackingController(plan, gains)
     frozen = invtrack.TrackingController(invtrack.invert(model.systems[0], plan.reference, tolerance=plan.tolerance), gains)
-    static = invtrack.TrackingController(invtrack.steady_state_feedforward(model, plan.reference), gains)
+    static = invtrack.TrackingController(invtrack.inversion.steady_state_feedforward(model, plan.reference), gains)
 
     def case(name: str, controller: invtrack.TrackingController, **settings: Any) -> Case:
-        settings = {"schedule": _schedule(), **settings}
         return Case(name, plant, controller, settings=settings, numbers=_numbers, figures={"tracking": tracking_figure})
 
     return [
@@ -77,7 +74,7 @@ def _cases(plant: invtrack.Plant, model: invtrack.SwitchedSystem, plan: invtrack
         case("inversion_continuous", exact, evaluate="stages"),
         case("feedforward_only", invtrack.TrackingController(plan)),
         case("feedback_only", static),
-        case("frozen_inversion", frozen),
+        case("frozen_inversion", frozen, schedule=_schedule()),
         case("payload_error", exact, schedule=_schedule(factor=1.05)),
         case("late_switch", exact, schedule=_schedule(delay=0.05)),
     ]
@@ -89,7 +86,7 @@ def _schedule(*, factor: float = 1.0, delay: float = 0.0) -> list[invtrack.Chang
 
 def _numbers(run: invtrack.RunResult) -> dict[str, Any]:
     """Metrics of one case; vibrations of the flexible coordinates are measured against their planned motion."""
-    vibration = invtrack.state_vibration(run, FLEXIBLE)
+    vibration = invtrack.results.state_vibration(run, FLEXIBLE)
     return {
         **invtrack.metrics(run),
         "start": float(run.time[0]),
@@ -109,7 +106,7 @@ def _error_slope(case: Case, timestep: float, done: Session) -> list[dict[str, f
 def _plan_numbers(plan: invtrack.Plan) -> dict[str, Any]:
     certificate = plan.certificate
     return {
-        "zeros": [[zero.real, zero.imag] for zero in invtrack.zeros(plan.model.systems[0])],
+        "zeros": [[zero.real, zero.imag] for zero in invtrack.linear.zeros(plan.model.systems[0])],
         "preactuation": plan.preactuation,
         "postactuation": plan.postactuation,
         "tolerance": plan.tolerance,
@@ -139,10 +136,6 @@ def _slope_text(points: Sequence[dict[str, float]]) -> str:
         + ", ".join(f"{error:.2e} m at {1e3 * step:g} ms" for step, error in zip(steps, errors, strict=True))
         + f" (slope {', '.join(f'{slope:.2f}' for slope in slopes)})"
     )
-
-
-def _preactuation(run: invtrack.RunResult) -> object:
-    return preactuation_figure(run, preactuation_time=invtrack.preactuation_time(run))
 
 
 STUDY = Study("cantilever_jumps", build, description=__doc__, defaults=StudyOptions(timestep=1e-3))

@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 
 import invtrack
-from invtrack.control.protocol import AffineLaw, Instants
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.tracking import tracking_figure
+from invtrack.control import AffineLaw, Instants
+from invtrack.figures import comparison_figure, tracking_figure
 from invtrack.studies import Case, Column, Rows, Session, Setup, Study, StudyOptions, Table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]
@@ -72,6 +71,7 @@ def build(options: StudyOptions) -> Setup:
     rig = _rig()
     controllers = _controllers(rig, SEED + options.seed)
     settings = {
+        # Also where the plan was made for one mass only.
         "schedule": [invtrack.Change(t, tip_mass=mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)],
         "start": min(controller.plan.start for controller in controllers.values()),
     }
@@ -87,7 +87,7 @@ def build(options: StudyOptions) -> Setup:
         )
         for name, controller in controllers.items()
     ]
-    predicted = invtrack.cost(controllers[OPTIMUM].plan, R=R, Q_y=Q_Y)
+    predicted = invtrack.redesign.cost(controllers[OPTIMUM].plan, R=R, Q_y=Q_Y)
     return Setup(
         cases,
         sections={"weights": {"r": R, "q_y": Q_Y}, "predicted_cost": predicted, "above_optimum": _above_optimum},
@@ -141,7 +141,7 @@ def _controllers(rig: Rig, seed: int) -> dict[str, invtrack.TrackingController]:
 
 def _best_share(exact: invtrack.Plan, staying: invtrack.Plan) -> float:
     """The share of the motion at which following it exactly costs least: share^2 effort + (1 - share)^2 price of not moving."""
-    effort, price = (invtrack.cost(plan, R=R, Q_y=Q_Y) for plan in (exact, staying))
+    effort, price = (invtrack.redesign.cost(plan, R=R, Q_y=Q_Y) for plan in (exact, staying))
     return price / (price + effort)
 
 
@@ -159,7 +159,7 @@ def _numbers(wanted: invtrack.PiecewiseSignal, run: invtrack.RunResult) -> dict[
     return {
         **invtrack.metrics(run),
         "max_error": float(np.max(np.abs(run.output.values - y_d))),  # of the motion wanted, whatever the plan was made for
-        "cost": invtrack.run_cost(run, R=R, Q_y=Q_Y, wanted=y_d),
+        "cost": invtrack.results.run_cost(run, R=R, Q_y=Q_Y, wanted=y_d),
     }
 
 

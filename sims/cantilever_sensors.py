@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 import invtrack
-from invtrack.control.protocol import Controller
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.tracking import tracking_figure
+from invtrack.control import Controller
+from invtrack.figures import comparison_figure, tracking_figure
 from invtrack.studies import Case, Column, Rows, Session, Setup, Study, StudyOptions, Table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]
@@ -56,8 +55,8 @@ def build(options: StudyOptions) -> Setup:
         },
         figures={"comparison": lambda done: comparison_figure(_in_mujoco(done), window=(-10.0, 20.0))},
         report=[
-            f"plan: {plant.input_names[0]} from {lowest[0]:.1f} to {highest[0]:.1f} {plant.input_units[0]}; the actuator passes on "
-            f"{limits[0]:g} to {limits[1]:g}; start {-plan.start:.1f} s before the manoeuvre",
+            f"plan: {plant.inputs.names[0]} from {lowest[0]:.1f} to {highest[0]:.1f} {plant.inputs.units[0]}; the actuator passes "
+            f"on {limits[0]:g} to {limits[1]:g}; start {-plan.start:.1f} s before the manoeuvre",
             Table("Cantilever with tip-mass jumps: prediction and physics", COLUMNS, _pairs),
             f"controller period {1e3 * PERIOD:g} ms, observers measure {' and '.join(MEASUREMENTS)}; noise: standard\n"
             f"deviation {NOISE:g} m of each sample; coarse: besides, digits of {NOISE:g} m and a delay of {DELAY:g} s that the\n"
@@ -73,18 +72,16 @@ def _cases(plant: invtrack.Plant, model: invtrack.SwitchedSystem, plan: invtrack
     placed = invtrack.LuenbergerObserver(OBSERVER_POLES)
     noisy = {name: invtrack.Sensor(noise=NOISE) for name in MEASUREMENTS}
     coarse = {name: invtrack.Sensor(noise=NOISE, quantization=NOISE, delay=DELAY) for name in MEASUREMENTS}
-    schedule = [invtrack.Change(t, tip_mass=mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)]
-    linear = invtrack.LinearPlant(model, like=plant)
+    linear = invtrack.LinearPlant(model, input_limits=plant.input_limits)
 
     def with_observer(observer: Any, **settings: float) -> invtrack.OutputFeedbackController:
         return invtrack.OutputFeedbackController(plan, gains, observer, period=PERIOD, **settings)
 
     def pair(name: str, controller: Controller, sensors: Mapping[str, invtrack.Sensor]) -> list[Case]:
-        settings = {"schedule": schedule, "sensors": sensors}
-        predicted = {"schedule": (), "sensors": sensors}  # the switched model has the jumps in itself
+        settings = {"sensors": sensors}
         return [
             Case(name, plant, controller, settings=settings, figures={"tracking": tracking_figure}),
-            Case(name + LINEAR, linear, controller, settings=predicted, recorded=False),
+            Case(name + LINEAR, linear, controller, settings=settings, recorded=False),
         ]
 
     return [

@@ -23,7 +23,7 @@ from hover.figures import papers_figures
 from hover.report import report
 
 import invtrack
-from invtrack.figures.preactuation_figure import preactuation_figure
+from invtrack.figures import preactuation_figure
 from invtrack.studies import Case, Setup, Study, StudyOptions
 
 MOVED_TO = 2.0  # [1/s], the paper's
@@ -36,7 +36,7 @@ def build(options: StudyOptions) -> Setup:
     plant = helicopter()
     model = invtrack.linearize(plant)
     plans = _plans(model)
-    bounds = {name: invtrack.preactuation_bound(plan) for name, plan in plans.items()}
+    bounds = {name: invtrack.plans.preactuation_bound(plan) for name, plan in plans.items()}
     alike = likeness(plans["exact"], plans["modified"])
     return Setup(
         _cases(plant, model, plans),
@@ -69,7 +69,7 @@ def _plans(model: invtrack.StateSpace) -> dict[str, Any]:
 def _cases(plant: invtrack.Plant, model: invtrack.StateSpace, plans: Mapping[str, invtrack.Plan]) -> list[Case]:
     """Every plan in MuJoCo and on the linear model, the input evaluated at the stages of RK4: what is left is physics."""
     gains = invtrack.lqr(model, Q=1.0, R=1.0)
-    linear = invtrack.LinearPlant(model, like=plant)
+    linear = invtrack.LinearPlant(model, input_limits=plant.input_limits)
     return [
         Case(
             name + suffix,
@@ -77,7 +77,7 @@ def _cases(plant: invtrack.Plant, model: invtrack.StateSpace, plans: Mapping[str
             invtrack.TrackingController(plan, gains),
             settings={"end": plan.manoeuvre[1] + AFTER, "evaluate": "stages"},
             numbers=partial(_numbers, plan),
-            figures={} if suffix else {"preactuation": _preactuation},
+            figures={} if suffix else {"preactuation": preactuation_figure},
         )
         for name, plan in plans.items()
         for suffix, mechanism in (("", plant), (LINEAR, linear))
@@ -91,17 +91,13 @@ def _numbers(plan: invtrack.Plan, run: invtrack.RunResult) -> dict[str, Any]:
         **invtrack.metrics(run),
         "predicted_max_error": float(np.max(np.abs(predicted))),
         "difference_from_prediction": invtrack.max_error(run, wanted="planned_output"),
-        "first_above_1_percent": invtrack.preactuation_time(plan, level=0.01),
+        "first_above_1_percent": invtrack.results.preactuation_time(plan, level=0.01),
         "alpha": decay_pair(plan).real,
         "fitted_decay_rate": fitted_decay_rate(run, decay_pair(plan)),
         "start": float(run.time[0]),
         "max_errors": dict(zip(OUTPUTS, np.max(np.abs(run.error), axis=0).tolist(), strict=True)),
     }
     return numbers | ({"displacement": displacement(run)} if run.qpos.size else {})
-
-
-def _preactuation(run: invtrack.RunResult) -> object:
-    return preactuation_figure(run, preactuation_time=invtrack.preactuation_time(run))
 
 
 def _pairs(values: np.ndarray) -> list[list[float]]:

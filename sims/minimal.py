@@ -1,7 +1,7 @@
 """The smallest study, to be copied: a flexible cantilever moves its tip by 2 m, by inversion, by feedback, and by both."""
 
 import invtrack
-from invtrack.figures.comparison import comparison_figure
+from invtrack.figures import comparison_figure
 from invtrack.studies import Case, Column, Setup, Study, StudyOptions, Table
 
 
@@ -9,7 +9,7 @@ def build(options: StudyOptions) -> Setup:
     plant = invtrack.Plant.from_xml(invtrack.model_path("cantilever"), inputs=["base_force"], outputs=["tip_position"])
     model = invtrack.linearize(plant)
     reference = invtrack.rest_to_rest(0.0, 2.0, duration=6.0)
-    inverse, static = invtrack.invert(model, reference), invtrack.steady_state_feedforward(model, reference)
+    inverse, static = invtrack.invert(model, reference), invtrack.inversion.steady_state_feedforward(model, reference)
     gains = invtrack.lqr(model, Q=100.0, R=0.01)
     cases = [
         Case("inversion", plant, invtrack.TrackingController(inverse, gains)),

@@ -31,13 +31,13 @@ def build(options: StudyOptions) -> Setup:
             "estimate_decay": decay,
             "closed_loop_poles": [[pole.real, pole.imag] for pole in POLES],
             "start": paper.plan.start,
-            "long_run": {"cycles": long_run.CYCLES, "jumps": len(many.schedule), "rate_through_jumps": rate},
+            "long_run": {"cycles": long_run.CYCLES, "jumps": len(many.plan.schedule), "rate_through_jumps": rate},
         },
         figures=figures((*estimate, decay["designed"]), rate),
         report=[
             published.report(G_0),
             *manoeuvre.report(paper.plan.start, decay),
-            *long_run.report(len(many.schedule), rate),
+            *long_run.report(len(many.plan.schedule), rate),
         ],
     )
 

@@ -30,10 +30,9 @@ from two_disc.rig import SLEW, R, peak, rig, run_settings, twist
 
 import invtrack
 from invtrack.errors import NonHyperbolicError
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.tracking import tracking_figure
-from invtrack.linear.internal_dynamics import format_zeros
-from invtrack.redesign.pareto import outcome
+from invtrack.figures import comparison_figure, tracking_figure
+from invtrack.linear import format_zeros
+from invtrack.redesign import outcome
 from invtrack.studies import Case, Column, Session, Setup, Study, StudyOptions, Table
 
 DURATION = 5.0  # [s]
@@ -61,7 +60,7 @@ def build(options: StudyOptions) -> Setup:
         [_refused(plants["passive"], models["passive"], reference)]
         + [_case(plants[_rig_of(name)], models[_rig_of(name)], name, plan) for name, plan in plans.items()],
         sections={
-            "zeros": {name: _pairs(invtrack.zeros(model)) for name, model in models.items()},
+            "zeros": {name: _pairs(invtrack.linear.zeros(model)) for name, model in models.items()},
             "moved_to": MOVED_TO,
             "level": LEVEL,
             "redesign_with_the_same_error": {"r": R, "q_x": 0.0, "q_y": q_y},
@@ -74,7 +73,7 @@ def build(options: StudyOptions) -> Setup:
             ),
         },
         report=[
-            *(f"{name} rig: zeros {format_zeros(invtrack.zeros(model))} [1/s]" for name, model in models.items()),
+            *(f"{name} rig: zeros {format_zeros(invtrack.linear.zeros(model))} [1/s]" for name, model in models.items()),
             Table(f"Slew by {SLEW:g} rad in {DURATION:g} s, in MuJoCo", COLUMNS),
             _explanation(q_y),
             _reason,
@@ -139,7 +138,7 @@ def _numbers(plan: invtrack.Plan, result: invtrack.RunResult) -> dict[str, Any]:
     late = result.time >= result.time[-1] - AT_THE_END
     return {
         **invtrack.metrics(result),
-        "first_above_1_percent": invtrack.preactuation_time(plan, level=LEVEL),
+        "first_above_1_percent": invtrack.results.preactuation_time(plan, level=LEVEL),
         "predicted_max_error": peak(result.planned_output.values - result.reference.values),
         "final_error": peak(result.error[late]),
         "input_left": peak(result.applied.values[late[:-1]]),

@@ -18,8 +18,7 @@ from two_disc.rig import PUBLISHED, Q_TWIST, Q_Y, SHOWN, Plans, R, rig, run_sett
 from two_disc.trade_off import draw_trade_off, report_trade_off, trade_off
 
 import invtrack
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.tracking import tracking_figure
+from invtrack.figures import comparison_figure, tracking_figure
 from invtrack.studies import Case, Setup, Study, StudyOptions
 
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.channels import Channels
 from invtrack.results.result import Event, RunResult, Signal
 
 Array = NDArray[np.float64]
@@ -69,21 +70,22 @@ def two_mode_run(
     base = slew(time + 0.4)
     wanted = np.column_stack([y_d, base, np.gradient(y_d, time), np.gradient(base, time)])
     deviation = np.column_stack([error, -0.5 * error, np.gradient(error, time), np.zeros_like(error)])
-    state_labels = ("tip", "base", "tip_velocity", "base_velocity"), ("m", "m", "m/s", "m/s")
+    states = Channels(("tip", "base", "tip_velocity", "base_velocity"), ("m", "m", "m/s", "m/s"))
+    tip, base_force = Channels(("tip_position",), ("m",)), Channels(("base_force",), ("N",))
     mass = np.where(middle < JUMP, *tip_masses)[:, None]
-    output, planned = Signal((y_d + error)[:, None], ("tip_position",), ("m",)), Signal(y_d[:, None], ("tip_position",), ("m",))
+    output, planned = Signal((y_d + error)[:, None], tip), Signal(y_d[:, None], tip)
     return RunResult(
         name=name,
         model="two_mode",
         time=time,
-        state=Signal(wanted + deviation, *state_labels),
-        state_reference=Signal(wanted, *state_labels),
+        state=Signal(wanted + deviation, states),
+        state_reference=Signal(wanted, states),
         output=output,
         reference=planned,
         planned_output=planned,
-        commanded=Signal(force[:, None], ("base_force",), ("N",)),
-        applied=Signal(force[:, None], ("base_force",), ("N",)),
-        parameters=Signal(mass, ("tip_mass",), ("kg",)),
+        commanded=Signal(force[:, None], base_force),
+        applied=Signal(force[:, None], base_force),
+        parameters=Signal(mass, Channels(("tip_mass",), ("kg",))),
         manoeuvre=MANOEUVRE,
         timestep=timestep,
         evaluate="held",

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from invtrack.plans.plan import Plan
-from invtrack.recording.read import load_recording
+from invtrack.recording.recording_file import load_recording
 from invtrack.results.metrics import max_error
 from invtrack.results.result import RunResult
 

@@ -1,0 +1,27 @@
+"""Controllers around a plan, their gains, and observers for what is not measured."""
+
+from invtrack.control.exosystem_controller import ExosystemController
+from invtrack.control.gains import GainSchedule, lqr, place
+from invtrack.control.observer import ExosystemObserver, KalmanFilter, LuenbergerObserver, Observer
+from invtrack.control.output_feedback import OutputFeedbackController, OutputFeedbackLaw
+from invtrack.control.protocol import AffineLaw, Controller, Instants, Law
+from invtrack.control.tracking_controller import PlanFollower, TrackingController
+
+__all__ = [
+    "AffineLaw",
+    "Controller",
+    "ExosystemController",
+    "ExosystemObserver",
+    "GainSchedule",
+    "Instants",
+    "KalmanFilter",
+    "Law",
+    "LuenbergerObserver",
+    "Observer",
+    "OutputFeedbackController",
+    "OutputFeedbackLaw",
+    "PlanFollower",
+    "TrackingController",
+    "lqr",
+    "place",
+]

@@ -8,11 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.checks import real_numbers
-from invtrack.control.exosystem_observer import ExosystemObserver, states_within_holds
+from invtrack.checks import real_vector, require_not_negative
 from invtrack.control.gains import GainSchedule
-from invtrack.control.observer import Observer, measured
-from invtrack.control.output_feedback import OutputFeedbackLaw, design_holds, drift_of, measured_in
+from invtrack.control.observer import ExosystemObserver, Observer, measured, states_within_holds
+from invtrack.control.output_feedback import OutputFeedbackLaw
 from invtrack.control.protocol import AffineLaw, Instants
 from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import ControlError
@@ -31,17 +30,23 @@ AGREEMENT = 1e-6
 class ExosystemController(PlanFollower):
     """u = F(t) x_hat_e - K_k (x_hat - G(t) x_hat_e): the exosystem's state and the plant's, each known or estimated.
 
-    regulation: the maps G(t), F(t), exact ones or those of Francis regulators. gains, period: see PlanFollower. F(t) x_hat_e is
-    averaged over each hold, through which the exosystem runs on from x_hat_e.
+    F(t) x_hat_e is averaged over each hold, through which the exosystem runs on from x_hat_e. The error of x_hat_e acts on the
+    plant but not the plant on it, a cascade, so the poles of closed loop and estimators are those that they were designed for.
 
-    exosystem_state (q,): the true x_e at time `at` [s] (T_i of the map unless stated); it makes the wanted output. plan: the
-    plan for this output that sets the span of a run and what states are measured against; `regulation.plan(exosystem_state)`
-    unless stated. That of a Francis regulator is no motion of the plant: state the exact map's to compare both on equal terms.
-
-    exosystem_observer: estimates x_e from y_d, sampled at each update with noise of standard deviation `reference_noise` (drawn
-    with `seed`), from `initial_estimate` (q,) on, zero unless stated; None: x_e is known. state_observer: estimates x from the
-    plant's sensors, from G x_hat_e on; None: x is measured. The error of x_hat_e acts on the plant but not the plant on it, a
-    cascade, so the poles of closed loop and estimators are those that they were designed for.
+    Args:
+        regulation: the maps G(t), F(t), exact ones or those of Francis regulators.
+        gains: a GainSchedule, a constant gain K (p, n), or None; see PlanFollower.
+        exosystem_state: the true x_e (q,) at time `at`; it makes the wanted output.
+        at: when the exosystem is in that state [s]; T_i of the map unless stated.
+        plan: the plan for this output that sets the span of a run and what states are measured against;
+            `regulation.plan(exosystem_state)` unless stated. That of a Francis regulator is no motion of the plant: state the exact
+            map's to compare both on equal terms.
+        exosystem_observer: estimates x_e from y_d, sampled at each update; None: x_e is known.
+        initial_estimate: the first prior (q,) of x_e; zero unless stated.
+        reference_noise: standard deviation of the noise on each sample of y_d, in the output's unit.
+        seed: that noise is drawn with it.
+        state_observer: estimates x from the plant's sensors, from G x_hat_e on; None: x is measured.
+        period: time between two updates [s]; None: one in every physics step.
 
     Raises ControlError for what does not fit together or cannot be estimated. Source: Devasia, Paden, Rossi 1996, section 4.
     """
@@ -69,32 +74,25 @@ class ExosystemController(PlanFollower):
         self._wanted = exosystem.reference(true, at=T_i)
         super().__init__(regulation.plan(true) if plan is None else plan, gains, period)
         self._regulation, self._true, self._at = regulation, true, T_i
-        if not 0 <= reference_noise < np.inf:
-            raise ControlError(f"reference_noise must be finite and not negative, got {reference_noise}")
+        require_not_negative("reference_noise", reference_noise, error=ControlError)
         if exosystem_observer is None and (initial_estimate is not None or reference_noise > 0):
             raise ControlError(
                 "initial_estimate and reference_noise are for an estimated exosystem; give an exosystem_observer too"
             )
         self._observer = None if exosystem_observer is None else ExosystemObserver(exosystem, exosystem_observer)
-        self._initial = (
-            np.zeros(exosystem.n_states) if initial_estimate is None else real_numbers("initial_estimate", initial_estimate)
-        )
-        if self._initial.shape != (exosystem.n_states,) or not np.all(np.isfinite(self._initial)):
-            raise ControlError(
-                f"expected a finite initial_estimate of the states {list(exosystem.names)}, got {initial_estimate!r}"
-            )
+        given = np.zeros(exosystem.n_states) if initial_estimate is None else initial_estimate
+        self._initial = real_vector("initial_estimate", given, exosystem.names, error=ControlError)
         self._noise, self._seed = reference_noise, seed
         self._state_observer = state_observer
         if state_observer is not None:
-            for system in self.plan.model.systems:
-                measured(system)
+            self.plan.model.map(measured)
         self._require_fit()
 
     def _require_fit(self) -> None:
-        mine, plans = self._regulation.model.systems[0], self.plan.model.systems[0]
-        for kind in ("state_names", "input_names", "output_names"):
-            if getattr(mine, kind) != getattr(plans, kind):
-                raise ControlError(f"the map has {kind} {list(getattr(mine, kind))}, the plan {list(getattr(plans, kind))}")
+        mine, plans = self._regulation.model, self.plan.model
+        for kind in ("states", "inputs", "outputs"):
+            if not getattr(mine, kind).fits(getattr(plans, kind)):
+                raise ControlError(f"the map has the {kind} {getattr(mine, kind)}, the plan has {getattr(plans, kind)}")
         edges = np.unique(np.concatenate([self._regulation.breakpoints, self.plan.breakpoints]))
         times = np.concatenate([edges[:1] - 1.0, (edges[:-1] + edges[1:]) / 2, edges[-1:] + 1.0])
         wanted = self.plan.reference(times) - plans.operating_point.y0
@@ -135,18 +133,17 @@ class ExosystemController(PlanFollower):
 
     def begin(self, instants: Instants) -> AffineLaw | OutputFeedbackLaw:
         """The law for one run: y_d is known, so the exosystem's estimates and all that follows from them are worked out here."""
-        regulation, model = self._regulation, self.plan.model
+        regulation = self._regulation
         states = self.exosystem_states(instants)
         x_ref = _applied(regulation.x_map, instants.time, instants.inside, states)
         within = states_within_holds(regulation.exosystem, instants, states)
-        feedforward = instants.mean_over_hold(lambda times, inside: _applied(regulation.u_map, times, inside, within))
-        u_0 = model.operating_point.u0
-        if self._state_observer is None:
-            return AffineLaw.around(feedforward + u_0, x_ref, self.gains, instants.inside)
-        designs = design_holds(model, self.gains, self._state_observer, instants)
-        # G x_hat_e is no motion of the plant while x_hat_e is being corrected, nor where the map is not exact.
-        drift = drift_of(x_ref, feedforward, designs)
-        return OutputFeedbackLaw(feedforward + u_0, x_ref, measured_in(model, instants, x_ref), designs, drift)
+        deviation = instants.mean_over_hold(lambda times, inside: _applied(regulation.u_map, times, inside, within))
+        feedforward = deviation + self.plan.model.operating_point.u0
+        observer = self._state_observer
+        if observer is None:
+            return AffineLaw.around(feedforward, x_ref, self.gains, instants.inside)
+        # G x_hat_e is no motion of the plant while x_hat_e is being corrected, nor where the map is not exact: the law knows.
+        return OutputFeedbackLaw.around(self, observer, instants, feedforward=feedforward, x_ref=x_ref, measured_at=x_ref)
 
 
 def _applied(map_at: Callable[..., Array], times: Array, inside: Array, states: Array) -> Array:

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # loads scipy.signal, which costs a second, at its first use
 import scipy.linalg
-import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import increasing_times, real_numbers, real_weight, stable_poles
 from invtrack.errors import ControlError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
@@ -18,27 +19,31 @@ from invtrack.linear.switched import SwitchedSystem, as_switched
 Array = NDArray[np.float64]
 
 POLE_TOLERANCE = 1e-3
-"""Placed poles must be met to this share of the largest: a mode that no input moves is seen as a miss, not as rounding."""
+"""Placed poles must be met to this share of the largest: a mode that nothing moves is seen as a miss, not as rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class GainSchedule:
-    """Gains K (p, n) for u = -K x, constant between switch times [s]: one more gain than switch times."""
+    """Gains K (p, n) for u = -K x, constant between switch times (N,) [s]: N + 1 of them.
+
+    Raises ControlError where the numbers do not fit, an entry is not finite, or times do not increase.
+    """
 
     gains: tuple[Array, ...]
     switch_times: Array
 
-    def __post_init__(self) -> None:
-        if len(self.gains) != len(self.switch_times) + 1 or len({gain.shape for gain in self.gains}) != 1:
-            shapes = [gain.shape for gain in self.gains]
+    def __init__(self, gains: Sequence[ArrayLike], switch_times: ArrayLike = ()) -> None:
+        matrices = tuple(real_numbers("a gain", gain, error=ControlError) for gain in gains)
+        times = increasing_times("switch times of gains", switch_times, error=ControlError)
+        if len(matrices) != len(times) + 1 or len({gain.shape for gain in matrices}) != 1:
             raise ControlError(
-                f"expected one gain more than switch times, all of one shape; got gains of shapes {shapes} and "
-                f"{len(self.switch_times)} switch times"
+                "expected one gain more than switch times, all of one shape; got gains of shapes "
+                f"{[gain.shape for gain in matrices]} and {len(times)} switch times"
             )
-        if not (np.all(np.isfinite(self.switch_times)) and np.all(np.diff(self.switch_times) > 0)):
-            raise ControlError(f"switch times of gains must be finite and increase, got {np.asarray(self.switch_times).tolist()}")
-        if not all(np.all(np.isfinite(gain)) for gain in self.gains):
+        if not all(np.all(np.isfinite(gain)) for gain in matrices):
             raise ControlError("a gain has entries that are not finite")
+        object.__setattr__(self, "gains", matrices)
+        object.__setattr__(self, "switch_times", times)
 
     def interval(self, t: ArrayLike) -> NDArray[np.intp]:
         """Index of the gain in force at each time."""
@@ -54,14 +59,15 @@ def lqr(model: Any, *, Q: ArrayLike, R: ArrayLike) -> GainSchedule:
     """
     plant = as_switched(model)
     n, p = plant.n_states, plant.n_channels
-    state_weight, input_weight = _weight("Q", Q, n, strict=False), _weight("R", R, p, strict=True)
+    state_weight = real_weight("Q", Q, n, meaning=f"states {list(plant.states.names)}", error=ControlError)
+    input_weight = real_weight("R", R, p, meaning=f"inputs {list(plant.inputs.names)}", definite=True, error=ControlError)
 
     def gain(system: StateSpace) -> Array:
         try:
             X = scipy.linalg.solve_continuous_are(system.A, system.B, state_weight, input_weight)
         except (np.linalg.LinAlgError, ValueError) as error:
             raise ControlError(
-                f"no LQR gain: {error}; a mode that the inputs {list(system.input_names)} cannot move, or that Q does not "
+                f"no LQR gain: {error}; a mode that the inputs {list(system.inputs.names)} cannot move, or that Q does not "
                 "weigh, lies on or right of the imaginary axis"
             ) from error
         return np.asarray(np.linalg.solve(input_weight, system.B.T @ X))
@@ -78,26 +84,39 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
     Raises ControlError for a wrong number of poles, poles right of the axis, or a plant whose modes cannot all be moved.
     """
     plant = as_switched(model)
-    n = plant.n_states
-    wanted = np.array(poles, dtype=complex)
-    if wanted.shape != (n,) or np.any(wanted.real >= 0):
-        raise ControlError(f"expected {n} poles left of the imaginary axis, got {wanted.tolist()}")
+    wanted = stable_poles("poles", poles, plant.n_states, error=ControlError)
 
     def gain(system: StateSpace) -> Array:
-        try:
-            K = np.asarray(scipy.signal.place_poles(system.A, system.B, wanted).gain_matrix, dtype=float)
-        except ValueError as error:
-            raise ControlError(f"poles cannot be placed: {error}") from error
-        distance = np.abs(np.linalg.eigvals(system.A - system.B @ K)[:, None] - wanted)
-        miss = max(distance.min(axis=0).max(), distance.min(axis=1).max())
-        if miss > POLE_TOLERANCE * np.max(np.abs(wanted)):
-            raise ControlError(
-                f"poles cannot be placed: they are missed by {miss:.1e}, so the inputs {list(system.input_names)} cannot move "
-                "every mode, or the poles lie too far from those of the plant"
-            )
-        return K
+        advice = f"the inputs {list(system.inputs.names)} must be able to move every mode"
+        return placed_gain(system.A, system.B, wanted, name="poles", advice=advice)
 
     return _per_interval(plant, gain)
+
+
+def placed_gain(A: Array, B: Array, poles: NDArray[np.complex128], *, name: str, advice: str) -> Array:
+    """K (p, n) for which the eigenvalues of A - B K are the `poles`.
+
+    Args:
+        A: (n, n).
+        B: (n, p).
+        poles: (n,), complex ones in conjugate pairs, none repeated more often than B has columns.
+        name: what messages call them.
+        advice: what must be so that they can be placed.
+
+    Raises ControlError where they cannot be placed, or are missed: a mode that B does not reach stays where it is.
+    """
+    from scipy.signal import place_poles  # here, because it takes longer to import than all the rest of the package
+
+    remedy = f"{advice}, and none may repeat too often or lie too far from those of the plant"
+    try:
+        K = np.asarray(place_poles(A, B, poles).gain_matrix, dtype=float)
+    except ValueError as error:
+        raise ControlError(f"{name} cannot be placed: {error}; {remedy}") from error
+    distance = np.abs(np.linalg.eigvals(A - B @ K)[:, None] - poles)
+    miss = max(distance.min(axis=0).max(), distance.min(axis=1).max())
+    if not miss <= POLE_TOLERANCE * np.max(np.abs(poles)):
+        raise ControlError(f"{name} cannot be placed: they are missed by {miss:.1e}; {remedy}")
+    return K
 
 
 def _per_interval(plant: SwitchedSystem, design: Callable[[StateSpace], Array]) -> GainSchedule:
@@ -109,16 +128,3 @@ def _per_interval(plant: SwitchedSystem, design: Callable[[StateSpace], Array]) 
         return K
 
     return GainSchedule(plant.map(stabilizing), plant.switch_times)
-
-
-def _weight(name: str, value: ArrayLike, size: int, *, strict: bool) -> Array:
-    matrix = np.asarray(value, dtype=float)
-    matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
-    if matrix.shape != (size, size) or not np.allclose(matrix, matrix.T):
-        raise ControlError(f"{name} must be a number or a symmetric ({size}, {size}) matrix, got shape {matrix.shape}")
-    smallest = np.linalg.eigvalsh(matrix)[0]
-    if smallest < -1e-12 * np.linalg.norm(matrix) or (strict and smallest <= 0):
-        raise ControlError(
-            f"{name} must be positive {'definite' if strict else 'semidefinite'}, its smallest eigenvalue is {smallest:.3g}"
-        )
-    return matrix

@@ -1,4 +1,4 @@
-"""State estimators for sampled controllers: gains by pole placement or from noise (Kalman)."""
+"""Observers: of the plant's state and of an exosystem's."""
 
 from __future__ import annotations
 
@@ -7,12 +7,19 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
+import scipy  # loads scipy.signal, which costs a second, at its first use
 import scipy.linalg
-import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.channels import Channels
+from invtrack.checks import real_numbers, real_vector, stable_poles
+from invtrack.control.gains import placed_gain
+from invtrack.control.protocol import Instants, Segments, numbered
 from invtrack.errors import ControlError
-from invtrack.linear.state_space import StateSpace
+from invtrack.linear.hidden_modes import hidden_modes
+from invtrack.linear.propagation import Propagator, held_through, sampled_noise, zero_order_hold
+from invtrack.linear.state_space import Measurement, StateSpace
+from invtrack.references.exosystem import Exosystem
 
 Array = NDArray[np.float64]
 
@@ -36,18 +43,11 @@ class LuenbergerObserver:
 
     def gain(self, system: StateSpace, period: float) -> Array:
         """M (n, m) with eig(A_d - M C_m A_d) = exp(poles period). Raises ControlError where the poles cannot be placed."""
-        wanted = np.array(self.poles, dtype=complex)
-        if wanted.shape != (system.n_states,) or np.any(wanted.real >= 0):
-            raise ControlError(f"expected {system.n_states} observer poles left of the imaginary axis, got {wanted.tolist()}")
-        A_d = scipy.linalg.expm(system.A * period)
+        wanted = stable_poles("observer poles", self.poles, system.n_states, error=ControlError)
+        A_d, _ = zero_order_hold(system.A, np.zeros((system.n_states, 0)), period)
         C_m = measured(system).C
-        try:
-            placed = scipy.signal.place_poles(A_d.T, (C_m @ A_d).T, np.exp(wanted * period))
-        except ValueError as error:
-            raise ControlError(
-                f"observer poles cannot be placed: {error}; are the measurements enough to see every mode?"
-            ) from error
-        return np.asarray(placed.gain_matrix.T, dtype=float)
+        advice = f"the measurements {list(system.measurement.channels.names)} must show every mode"
+        return placed_gain(A_d.T, (C_m @ A_d).T, np.exp(wanted * period), name="observer poles", advice=advice).T
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +64,9 @@ class KalmanFilter:
     def gain(self, system: StateSpace, period: float) -> Array:
         """M (n, m) from the discrete Riccati equation. Raises ControlError where it has no stabilizing solution."""
         C_m = measured(system).C
-        m = len(C_m)
-        intensity = np.broadcast_to(np.asarray(self.input_noise, dtype=float), (system.n_channels,))
-        deviation = np.broadcast_to(np.asarray(self.measurement_noise, dtype=float), (m,))
-        if np.any(intensity <= 0) or np.any(deviation <= 0):
-            raise ControlError("noise levels must be positive: a filter without noise has no optimal gain")
-        A_d, Q_d = _sampled_noise(system.A, system.B * intensity, period)
+        intensity = _levels("input_noise", self.input_noise, system.inputs.names)
+        deviation = _levels("measurement_noise", self.measurement_noise, system.measurement.channels.names)
+        A_d, Q_d = sampled_noise(system.A, system.B * intensity, period)
         try:
             P = scipy.linalg.solve_discrete_are(A_d.T, C_m.T, Q_d, np.diag(deviation**2))
         except (np.linalg.LinAlgError, ValueError) as error:
@@ -81,16 +78,107 @@ class KalmanFilter:
 def measured(system: StateSpace) -> Any:
     """The system's measurement, if an observer can use it. Raises ControlError where the input acts on it at once."""
     if np.any(system.measurement.D):
-        through = [name for name, row in zip(system.measurement.names, system.measurement.D, strict=True) if np.any(row)]
+        through = [name for name, row in zip(system.measurement.channels.names, system.measurement.D, strict=True) if np.any(row)]
         raise ControlError(f"measurements {through} depend on the input at once (accelerations?); measure positions or velocities")
     return system.measurement
 
 
-def _sampled_noise(A: Array, G: Array, period: float) -> tuple[Array, Array]:
-    """exp(A h) and the covariance that white noise through G adds over h (Van Loan 1978)."""
-    n = len(A)
-    block = np.block([[-A, G @ G.T], [np.zeros((n, n)), A.T]]) * period
-    exponential = scipy.linalg.expm(block)
-    A_d = exponential[n:, n:].T
-    covariance = A_d @ exponential[:n, n:]
-    return A_d, (covariance + covariance.T) / 2
+def _levels(name: str, value: ArrayLike, channels: Sequence[str]) -> Array:
+    """Standard deviations, one for each channel; a number stands for all of them."""
+    levels = real_numbers(name, value, error=ControlError)
+    levels = real_vector(name, np.full(len(channels), levels) if levels.ndim == 0 else levels, channels, error=ControlError)
+    if np.any(levels <= 0):
+        raise ControlError(f"{name} must be positive, got {levels.tolist()}: a filter without noise has no optimal gain")
+    return levels
+
+
+class ExosystemObserver:
+    """x_hat_e = x_prior + M (y_d - C_e x_prior), x_prior <- exp(A_e h) x_hat_e: a current estimator on samples of y_d.
+
+    observer designs M for each interval of the exosystem and each hold h: LuenbergerObserver(poles) from the q poles of the
+    estimation error, the same in every interval; KalmanFilter(input_noise, measurement_noise) from white noise that acts on each of
+    the q states, and from that of a sample. Where the exosystem stands still (A_e = 0) and its output does not tell its state, such
+    as before it starts and after it has ended, the estimate stays as it is.
+
+    Raises ControlError where the exosystem moves and has a mode that y_d does not show. Source: Devasia, Paden, Rossi 1996,
+    section 4 and Figure 3.
+    """
+
+    def __init__(self, exosystem: Exosystem, observer: Observer) -> None:
+        self.exosystem, self.observer = exosystem, observer
+        self._silent = np.array([self._is_silent(k) for k in range(len(exosystem.A))])
+
+    def _is_silent(self, k: int) -> bool:
+        A, C = self.exosystem.A[k], self.exosystem.C[k]
+        unseen = [value for value, kind in hidden_modes(StateSpace(A, C.T, C)) if "unobservable" in kind]
+        if unseen and np.any(A):
+            modes = ", ".join(f"{value.real:.6g}{value.imag:+.6g}j" if value.imag else f"{value.real:.6g}" for value in unseen)
+            raise ControlError(
+                f"in interval {k} of the exosystem y_d does not show its mode(s) with eigenvalue(s) {modes}, so the state "
+                f"{list(self.exosystem.names)} cannot be estimated there; leave what no output needs out of the exosystem, or give "
+                "its state to the controller without an observer"
+            )
+        return bool(unseen)
+
+    def estimates(self, instants: Instants, samples: Array, initial: Array) -> Array:
+        """Estimates (m, q) at a run's instants, each from the samples of y_d (m, p) up to its own; initial (q,): the first prior.
+
+        y_d does not depend on the plant, so the estimates for a whole run are known before the plant moves.
+        """
+        holds, which = numbered(instants.segments(self.exosystem.interval))
+        designs = [self._design(hold) for hold in holds]
+        prior = np.empty((len(samples), len(initial)))
+        added = np.empty_like(prior)
+        for number, design in enumerate(designs):
+            added[which == number] = samples[which == number] @ design.correction_step.T
+        prior[:1] = initial
+        for i, number in enumerate(which[:-1].tolist()):
+            prior[i + 1] = designs[number].error_step.dot(prior[i]) + added[i]
+        result = prior.copy()
+        for number, design in enumerate(designs):
+            chosen = which == number
+            result[chosen] += (samples[chosen] - prior[chosen] @ design.C.T) @ design.M.T
+        return result
+
+    def _design(self, hold: Segments) -> _Design:
+        k, length = hold[0][0], sum(length for _, length in hold)
+        A, C = self.exosystem.A[k], self.exosystem.C[k]
+        p, q = C.shape
+        M = np.zeros((q, p))
+        if not self._silent[k]:
+            # As inputs, so that a Kalman filter's noise may act on every state.
+            seen = Measurement(C, np.zeros((p, q)), Channels.numbered("y_d", p), np.zeros(p))
+            M = self.observer.gain(StateSpace(A, np.eye(q), np.eye(q), measurement=seen), length)
+        transition, _ = held_through((self.exosystem.A[i], np.zeros((q, 0)), duration) for i, duration in hold)
+        return _Design(C, M, transition @ (np.eye(q) - M @ C), transition @ M)
+
+
+@dataclass(frozen=True, eq=False)
+class _Design:
+    """C_e (p, q), M (q, p), and from prior to next prior: error_step exp(A_e h) (I - M C_e), correction_step exp(A_e h) M."""
+
+    C: Array
+    M: Array
+    error_step: Array
+    correction_step: Array
+
+
+def states_within_holds(exosystem: Exosystem, instants: Instants, states: Array) -> Array:
+    """Where the exosystem goes from states (m, q) at the instants: its states at the middles of the holds' parts (k, q).
+
+    A feedforward that is the mean of F(t) x_e(t) over the hold stays exact to second order also where x_e is an estimate, which the
+    next sample will correct.
+    """
+    interval = exosystem.interval(instants.part_inside)
+    owner = instants.part_owner
+    half = instants.part_share * instants.hold[owner] / 2
+    ordinal = np.arange(len(owner)) - instants.first[owner]
+    result = np.empty((len(owner), states.shape[1]))
+    propagators = {k: Propagator(exosystem.A[k]) for k in np.unique(interval).tolist()}
+    state = states.copy()  # at the start of the part of each hold that comes next
+    for parts in np.split(np.argsort(ordinal, kind="stable"), np.cumsum(np.bincount(ordinal))[:-1]):
+        for k in np.unique(interval[parts]).tolist():
+            ours = parts[interval[parts] == k]
+            result[ours] = propagators[k].states(state[owner[ours]], half[ours])
+            state[owner[ours]] = propagators[k].states(result[ours], half[ours])
+    return result

@@ -1,21 +1,21 @@
-"""Feedback of an estimated state: the estimator and the law that it serves, prepared for one run."""
+"""Feedback of an estimated state: a current estimator of the deviation from a wanted state, and the law around a plan."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import require_not_negative
 from invtrack.control.gains import GainSchedule
 from invtrack.control.observer import Observer, measured
-from invtrack.control.protocol import Instants, Segments
+from invtrack.control.protocol import Instants, numbered
 from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import ControlError
+from invtrack.linear.propagation import held_through
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
 
@@ -24,7 +24,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class EstimatorDesign:
-    """What a hold needs: K (p, n), M (n, m), C_m (m, n), and the plant's transition over it, x <- A_d x + B_d (u - u0)."""
+    """What a hold needs.
+
+    Args:
+        K: feedback gain (p, n).
+        M: correction (n, m) by what was measured at the start of the hold.
+        C_m: what is measured of the state (m, n).
+        A_d: the plant's step over the hold, x <- A_d x + B_d (u - u0): (n, n).
+        B_d: (n, p).
+    """
 
     K: Array
     M: Array
@@ -39,43 +47,66 @@ class EstimatorDesign:
         return result
 
 
-def design_holds(model: SwitchedSystem, gains: GainSchedule, observer: Observer, instants: Instants) -> list[EstimatorDesign]:
-    """The design for each hold (m,); one serves all holds that agree in plant, gain and length."""
-    interval, gain_of = model.interval(instants.inside), gains.interval(instants.inside)
-    keys = list(zip(interval.tolist(), gain_of.tolist(), instants.segments(model.interval), strict=True))
-    designs = {}
-    for key in dict.fromkeys(keys):
-        k, gain, segments = key
-        system = model.systems[k]
-        M = observer.gain(system, sum(length for _, length in segments))
-        designs[key] = EstimatorDesign(gains.gains[gain], M, system.measurement.C, *_transition(model, segments))
-    return [designs[key] for key in keys]
-
-
-def _transition(model: SwitchedSystem, segments: Segments) -> tuple[Array, Array]:
-    """A_d (n, n) and B_d (n, p) of a held input over segments of a switched plant."""
-    n, p = model.n_states, model.n_channels
-    A_d, B_d = np.eye(n), np.zeros((n, p))
-    for k, length in segments:
-        system = model.systems[k]
-        augmented = np.block([[system.A, system.B], [np.zeros((p, n + p))]]) * length
-        step = scipy.linalg.expm(augmented)[:n]
-        A_d, B_d = step[:, :n] @ A_d, step[:, :n] @ B_d + step[:, n:]
-    return A_d, B_d
-
-
 class OutputFeedbackLaw:
-    """e_hat = e_prior + M (y_m - expected - C_m e_prior), u = u_ff - K e_hat, e_prior <- (A_d - B_d K) e_hat + drift.
+    """e_hat = e_prior + M (y_m - y_ref - C_m e_prior), u = u_ff - K e_hat, e_prior <- (A_d - B_d K) e_hat + d.
 
-    e = x - x_ref is the deviation from a wanted state. feedforward (m, p); x_ref (m, n); expected (m, .): the measurement in the
-    wanted state; drift (m, n): see `drift_of`. The first prior is that the plant is where it should be.
+    e = x - x_ref is the deviation from a wanted state. The first prior is zero: the plant is where it should be.
+
+    Args:
+        feedforward: u_ff (m, p) at the instants of the run.
+        x_ref: wanted states (m, n), as deviations from the operating point.
+        expected: the measurement y_ref (m, .) in the wanted state.
+        drift: d (m, n), by how much the deviation changes over each hold although nothing disturbs the plant.
+        designs: the distinct estimators.
+        which: (m,), the design of each hold.
     """
 
-    def __init__(self, feedforward: Array, x_ref: Array, expected: Array, designs: Sequence[EstimatorDesign], drift: Array) -> None:
-        self._feedforward, self._x_ref, self._expected, self._designs = feedforward, x_ref, expected, designs
-        self._drift = drift
+    def __init__(
+        self,
+        feedforward: Array,
+        x_ref: Array,
+        *,
+        expected: Array,
+        drift: Array,
+        designs: list[EstimatorDesign],
+        which: NDArray[np.intp],
+    ) -> None:
+        self._feedforward, self._x_ref, self._expected, self._drift = feedforward, x_ref, expected, drift
+        self._designs, self._which = designs, which.tolist()
         self._prior = np.zeros(x_ref.shape[1])
         self._estimate = x_ref[0]
+
+    @classmethod
+    def around(
+        cls,
+        follower: PlanFollower,
+        observer: Observer,
+        instants: Instants,
+        *,
+        feedforward: Array,
+        x_ref: Array,
+        measured_at: Array,
+    ) -> OutputFeedbackLaw:
+        """The law for one run, an estimator designed for each distinct hold.
+
+        Args:
+            follower: whose plan's model and gains it goes by.
+            observer: designs the correction M.
+            instants: those of the run.
+            feedforward: inputs (m, p), averaged over the holds.
+            x_ref: wanted states (m, n).
+            measured_at: the wanted states (m, n) that the sensors show at the instants: earlier ones where they are late.
+        """
+        model = follower.plan.model
+        designs, which = _design_holds(model, follower.gains, observer, instants)
+        return cls(
+            feedforward,
+            x_ref,
+            expected=_measured_in(model, instants, measured_at),
+            drift=_drift(x_ref, feedforward - model.operating_point.u0, designs, which),
+            designs=designs,
+            which=which,
+        )
 
     @property
     def estimate(self) -> Array:
@@ -85,36 +116,13 @@ class OutputFeedbackLaw:
 
     def update(self, index: int, measurement: Array) -> Array:
         """Input (p,) at instant number `index`."""
-        design = self._designs[index]
+        design = self._designs[self._which[index]]
         innovation = measurement - self._expected[index] - design.C_m.dot(self._prior)
         deviation = self._prior + design.M.dot(innovation)
         self._prior = design.closed_loop.dot(deviation) + self._drift[index]
         self._estimate = self._x_ref[index] + deviation
         result: Array = self._feedforward[index] - design.K.dot(deviation)
         return result
-
-
-def measured_in(model: SwitchedSystem, instants: Instants, x: Array) -> Array:
-    """The measurement y0 + C_m x (m, .) in states x (m, n) at the instants of a run."""
-    interval = model.interval(instants.inside)
-    expected = np.stack([system.measurement.y0 for system in model.systems])[interval]
-    for k, system in enumerate(model.systems):
-        expected[interval == k] += x[interval == k] @ system.measurement.C.T
-    return expected
-
-
-def drift_of(x_ref: Array, v: Array, designs: Sequence[EstimatorDesign]) -> Array:
-    """A_d x_ref + B_d v less the next x_ref (m, n), for wanted states x_ref (m, n) and inputs v = u - u0 (m, p); last row zero.
-
-    By this the deviation changes over a hold although nothing disturbs the plant: because the input is held, above all where the
-    plant jumps meanwhile, or because the wanted states are no motion of the plant.
-    """
-    drift = np.zeros_like(x_ref)
-    owner = np.array([id(design) for design in designs[:-1]])
-    for key, design in {id(design): design for design in designs}.items():
-        held = np.flatnonzero(owner == key)
-        drift[held] = x_ref[held] @ design.A_d.T + v[held] @ design.B_d.T - x_ref[held + 1]
-    return drift
 
 
 class OutputFeedbackController(PlanFollower):
@@ -126,11 +134,15 @@ class OutputFeedbackController(PlanFollower):
 
     d = A_d x_ref + B_d (u_ff - u0) less the next x_ref: what holding the input over the period costs, most where the plant jumps
     within it. It is known beforehand, so with ideal sensors and from the plan's state e_hat is e, and nothing is lost against a
-    measured state. Through a parameter jump e_hat continues: plan and plant are continuous in the state.
+    measured state. Through a parameter jump e_hat continues: plan and plant are continuous in the state. The plan's model says
+    what is measured (`StateSpace.measurement`).
 
-    plan, gains, period: as for TrackingController. observer: designs M for each interval of the plan's model. measurement_delay
-    [s]: how late the sensors are known to be; y_ref is then taken as much earlier. The plan's model says what is measured
-    (`StateSpace.measurement`).
+    Args:
+        plan: where u_ff and x_ref come from.
+        gains: a GainSchedule or a constant gain K (p, n); see PlanFollower.
+        observer: designs M for each interval of the plan's model.
+        period: time between two updates [s]; None: one in every physics step.
+        measurement_delay: how late the sensors are known to be [s]; y_ref is taken as much earlier.
 
     Raises ControlError where gains or period do not fit, or a measurement depends on the input at once.
     """
@@ -145,10 +157,8 @@ class OutputFeedbackController(PlanFollower):
         measurement_delay: float = 0.0,
     ) -> None:
         super().__init__(plan, gains, period)
-        if not 0 <= measurement_delay < np.inf:
-            raise ControlError(f"measurement_delay must be finite and not negative, got {measurement_delay} s")
-        for system in plan.model.systems:
-            measured(system)
+        require_not_negative("measurement_delay [s]", measurement_delay, error=ControlError)
+        plan.model.map(measured)
         self._observer, self._delay = observer, measurement_delay
 
     @property
@@ -163,10 +173,49 @@ class OutputFeedbackController(PlanFollower):
 
     def begin(self, instants: Instants) -> OutputFeedbackLaw:
         """The law for one run: plan looked up, observer gains designed for each interval and hold that occurs."""
-        model = self.plan.model
         x_ref = self.plan.states(instants.time, inside=instants.inside)
         seen = self.plan.states(instants.time - self._delay, inside=instants.inside if self._delay <= 0 else None)
-        designs = design_holds(model, self.gains, self._observer, instants)
         feedforward = self.mean_feedforward(instants)
-        drift = drift_of(x_ref, feedforward - model.operating_point.u0, designs)
-        return OutputFeedbackLaw(feedforward, x_ref, measured_in(model, instants, seen), designs, drift)
+        return OutputFeedbackLaw.around(self, self._observer, instants, feedforward=feedforward, x_ref=x_ref, measured_at=seen)
+
+
+def _design_holds(
+    model: SwitchedSystem, gains: GainSchedule, observer: Observer, instants: Instants
+) -> tuple[list[EstimatorDesign], NDArray[np.intp]]:
+    """The distinct designs, and which (m,) of them each hold has: one serves all holds that agree in plant, gain and length."""
+
+    def interval(inside: Array) -> NDArray[np.intp]:
+        """Number of the model in force among the distinct ones."""
+        return model.numbers[model.interval(inside)]
+
+    start, gain_of = interval(instants.inside), gains.interval(instants.inside)
+    keys, which = numbered(zip(start.tolist(), gain_of.tolist(), instants.segments(interval), strict=True))
+    designs = []
+    for number, gain, segments in keys:
+        system = model.distinct[number]
+        M = observer.gain(system, sum(duration for _, duration in segments))
+        A_d, B_d = held_through((model.distinct[k].A, model.distinct[k].B, duration) for k, duration in segments)
+        designs.append(EstimatorDesign(gains.gains[gain], M, system.measurement.C, A_d, B_d))
+    return designs, which
+
+
+def _measured_in(model: SwitchedSystem, instants: Instants, x: Array) -> Array:
+    """The measurement y0 + C_m x (m, .) in states x (m, n) at the instants of a run."""
+    number = model.numbers[model.interval(instants.inside)]
+    expected = np.stack([system.measurement.y0 for system in model.distinct])[number]
+    for k, system in enumerate(model.distinct):
+        expected[number == k] += x[number == k] @ system.measurement.C.T
+    return expected
+
+
+def _drift(x_ref: Array, v: Array, designs: list[EstimatorDesign], which: NDArray[np.intp]) -> Array:
+    """A_d x_ref + B_d v less the next x_ref (m, n), for wanted states x_ref (m, n) and inputs v = u - u0 (m, p); last row zero.
+
+    By this the deviation changes over a hold although nothing disturbs the plant: because the input is held, above all where the
+    plant jumps meanwhile, or because the wanted states are no motion of the plant.
+    """
+    drift = np.zeros_like(x_ref)
+    for number, design in enumerate(designs):
+        held = np.flatnonzero(which[:-1] == number)
+        drift[held] = x_ref[held] @ design.A_d.T + v[held] @ design.B_d.T - x_ref[held + 1]
+    return drift

@@ -1,32 +1,41 @@
-"""What a controller is to the simulation."""
+"""What a controller is to the simulation: a law, prepared for the instants of a run; where it is affine, data."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal, Protocol
+from typing import Literal, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.control.gains import GainSchedule
-from invtrack.plans.plan import Plan
+from invtrack.plans.plan import Difference, Plan
 
 Array = NDArray[np.float64]
-Segments = tuple[tuple[int, float], ...]  # intervals that a hold runs through, with the seconds spent in each
+Key = TypeVar("Key", bound=Hashable)
+
+Segments = tuple[tuple[int, float], ...]
+"""The intervals that a hold runs through, with the time [s] spent in each."""
 
 
 @dataclass(frozen=True, eq=False)
 class Instants:
     """The instants of a run at which a controller is asked for its input, known before the run starts.
 
-    time (m,) [s]: when the plant is measured; hold (m,) [s]: for how long the input is then held (0 where it is evaluated anew at
-    every stage of the integrator); inside (m,) [s]: a time in the open interval between the breakpoints around the instant, so that
-    nobody has to guess which side of a breakpoint it belongs to.
+    Breakpoints may fall into a hold. It therefore comes in parts without any: hold number i consists of the parts first[i] to
+    first[i + 1] - 1.
 
-    Breakpoints may fall into a hold. It therefore comes in parts that hold none: number i consists of the parts first[i] to
-    first[i + 1] - 1, with their middles, times inside their intervals, and shares of the hold (k,).
+    Args:
+        time: when the plant is measured (m,) [s].
+        hold: for how long the input is then held (m,) [s]; 0 where it is evaluated anew at every stage of the integrator.
+        inside: a time in the open interval between the breakpoints around the instant (m,) [s], so that nobody has to guess which
+            side of a breakpoint it belongs to.
+        first: number of the first part of each hold (m,).
+        part_middle: the middle of each part (k,) [s].
+        part_inside: a time in the open interval between the breakpoints around each part (k,) [s].
+        part_share: share of its hold that each part makes up (k,).
     """
 
     time: Array
@@ -67,6 +76,13 @@ class Instants:
         pairs = list(zip(where[starts].tolist(), [float(f"{length:.9g}") for length in seconds.tolist()], strict=True))
         edges = np.searchsorted(owner[starts], np.arange(len(self.time) + 1)).tolist()
         return [tuple(pairs[a:b]) for a, b in pairwise(edges)]
+
+
+def numbered(keys: Iterable[Key]) -> tuple[list[Key], NDArray[np.intp]]:
+    """The keys without repetition, in the order in which they first come, and which (m,) of them each is."""
+    numbers: dict[Key, int] = {}
+    which = np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.intp)
+    return list(numbers), which
 
 
 class Law(Protocol):
@@ -122,9 +138,13 @@ class Controller(Protocol):
 class AffineLaw:
     """u = offset_i - K_i x at instant i, everything that does not depend on the measurement worked out before the run.
 
-    offset (m, p). gains: the distinct K (p, n); which (m,): the gain of each instant. A loop that keeps its states in rows
-    [x, offset] gets u by one product with `row_gain`: each operation on a small array costs as much as the next, and this one is
-    taken in every physics step.
+    A loop that keeps its states in rows [x, offset] gets u by one product with `row_gain`: each operation on a small array costs as
+    much as the next, and this one is taken in every physics step.
+
+    Args:
+        offset: (m, p), absolute.
+        gains: the distinct K (p, n).
+        which: number of the gain in force at each instant (m,).
     """
 
     estimate = None
@@ -152,4 +172,20 @@ class AffineLaw:
     def update(self, index: int, measurement: Array) -> Array:
         """Input (p,) at instant number `index`."""
         result: Array = self.offset[index] - self._gains[int(self._which[index])] @ measurement
+        return result
+
+
+class DifferenceLaw:
+    """u = feedforward_i - K_i (x minus x_ref_i) at instant i, the difference taken in the plant's own way."""
+
+    estimate = None
+
+    def __init__(self, feedforward: Array, x_ref: Array, gains: GainSchedule, inside: Array, difference: Difference) -> None:
+        self._feedforward, self._x_ref, self._difference = feedforward, x_ref, difference
+        self._gains, self._which = gains.gains, gains.interval(inside)
+
+    def update(self, index: int, measurement: Array) -> Array:
+        """Input (p,) at instant number `index`."""
+        away = self._difference(measurement, self._x_ref[index])
+        result: Array = self._feedforward[index] - self._gains[int(self._which[index])] @ away
         return result

@@ -1,4 +1,4 @@
-"""What all controllers around a planned trajectory have in common."""
+"""Feedforward and state feedback around a planned trajectory, and what all controllers around a plan have in common."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import require_duration
 from invtrack.control.gains import GainSchedule
-from invtrack.control.protocol import AffineLaw, Instants, Law
+from invtrack.control.protocol import AffineLaw, DifferenceLaw, Instants, Law
 from invtrack.errors import ControlError
 from invtrack.plans.plan import Plan
 
@@ -19,24 +20,25 @@ Array = NDArray[np.float64]
 class PlanFollower(ABC):
     """A plan, feedback gains and a period, checked to fit each other.
 
-    plan: where u_ff and x_ref come from. gains: a GainSchedule, whose switch times may differ from the plan's; a constant gain
-    K (p, n); or None for feedforward alone. period [s]: time between two updates, the input held in between; None: every physics
-    step.
+    Args:
+        plan: where u_ff and x_ref come from.
+        gains: a GainSchedule, whose switch times may differ from the plan's; a constant gain K (p, n); or None for feedforward
+            alone.
+        period: time between two updates [s], the input held in between; None: one in every physics step.
 
     Raises ControlError where the gain's shape does not fit the plan or the period is not positive.
     """
 
     def __init__(self, plan: Plan, gains: GainSchedule | ArrayLike | None, period: float | None) -> None:
-        first = plan.model.systems[0]
-        shape = (first.n_channels, first.n_states)
+        shape = (plan.model.n_channels, plan.model.n_states)
         if gains is None:
             gains = np.zeros(shape)
         if not isinstance(gains, GainSchedule):
-            gains = GainSchedule((np.asarray(gains, dtype=float),), np.zeros(0))
+            gains = GainSchedule([gains])
         if gains.gains[0].shape != shape:
             raise ControlError(f"gains have shape {gains.gains[0].shape}, expected {shape} for this plan's inputs and states")
-        if period is not None and not (np.isfinite(period) and period > 0):
-            raise ControlError(f"the controller's period must be a positive number of seconds or None, got {period}")
+        if period is not None:
+            require_duration("the controller's period", period, error=ControlError)
         self._plan, self._gains, self._period = plan, gains, period
 
     @property
@@ -100,7 +102,10 @@ class TrackingController(PlanFollower):
         """True: the law depends on time and state alone."""
         return True
 
-    def begin(self, instants: Instants) -> AffineLaw:
+    def begin(self, instants: Instants) -> AffineLaw | DifferenceLaw:
         """The law for one run: plan and gains looked up for all its instants at once."""
         x_ref = self.plan.states(instants.time, inside=instants.inside)
-        return AffineLaw.around(self.mean_feedforward(instants), x_ref, self.gains, instants.inside)
+        feedforward = self.mean_feedforward(instants)
+        if self.plan.difference is None:
+            return AffineLaw.around(feedforward, x_ref, self.gains, instants.inside)
+        return DifferenceLaw(feedforward, x_ref, self.gains, instants.inside, self.plan.difference)

@@ -1,23 +1,88 @@
-"""Quantities over a swept parameter, predicted by the linear model and measured in physics."""
+"""Curves of one's own: over time beside each other, over a swept parameter, decaying, or over frequency."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MultipleLocator
 from numpy.typing import NDArray
 
 from invtrack.errors import InvtrackError
-from invtrack.figures.panels import draw_line, draw_magnitudes
-from invtrack.figures.style import REFERENCE, line_looks, new_figure, shared_style
+from invtrack.figures.style import FAINT, REFERENCE, draw_line, draw_magnitudes, line_looks, new_figure, shared_style, within
 
 Array = NDArray[np.float64]
 
 ComplexArray = NDArray[np.complex128]
 
+Line = tuple[Array, Array]
+"""Times (m,) [s] and values (m,)."""
+
 INCHES_PER_PANEL = 2.0
+PHASE_TICKS = 7
+
+
+def overlay_figure(
+    title: str,
+    *,
+    panels: Sequence[tuple[str, Mapping[str, Line]]],
+    wanted: str | None = None,
+    window: tuple[float, float] | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+) -> Figure:
+    """Panels above each other over time, each with curves of one quantity; a curve has the same look in every panel.
+
+    panels: (label with unit, {curve: (times (m,) [s], values (m,))}). wanted: name of the curve that is drawn dashed and on top, as
+    what the others are to follow. window (start, end) [s]: what is shown, all unless given.
+    limits: for a panel's label, the (lowest, highest) value that its quantity may take, drawn as dotted lines.
+
+    Raises InvtrackError for a panel without curves, a curve whose times and values differ in number, limits of an unknown panel.
+    """
+    limits = limits or {}
+    unknown = set(limits) - {quantity for quantity, _ in panels}
+    if not panels or unknown:
+        raise InvtrackError(f"expected limits of the panels {[quantity for quantity, _ in panels]}, got {sorted(unknown)}")
+    for quantity, curves in panels:
+        _require_curves(quantity, curves)
+    names = list(dict.fromkeys(name for _, curves in panels for name in curves))
+    others = [name for name in names if name != wanted]
+    looks: dict[str, dict[str, Any]] = {name: {**look} for name, look in zip(others, line_looks(len(others)), strict=True)}
+    if wanted is not None:
+        looks[wanted] = {**REFERENCE, "zorder": 3}
+    with shared_style():
+        figure = new_figure(title, width=8.0, height=1.1 + INCHES_PER_PANEL * len(panels))
+        all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        handles: dict[str, Artist] = {}
+        for axes, (quantity, curves) in zip(all_axes, panels, strict=True):
+            for name, (time, values) in curves.items():
+                shown = slice(None) if window is None else within(time, window)
+                draw_line(axes, time[shown], values[shown], label=name, **looks[name])
+            for level in limits.get(quantity, ()):
+                axes.axhline(level, color=FAINT, linewidth=0.9, linestyle=(0, (1, 2)), label="limit")
+            axes.set_ylabel(quantity)
+            axes.margins(x=0.0, y=0.1)
+            for handle, text in zip(*axes.get_legend_handles_labels(), strict=True):
+                handles.setdefault(text, handle)
+        all_axes[-1].set_xlabel("time [s]")
+        figure.align_ylabels()
+        if len(handles) > 1:
+            figure.legend(list(handles.values()), list(handles), loc="outside lower left", ncols=5)
+    return figure
+
+
+def _require_curves(quantity: str, curves: Mapping[str, Line]) -> None:
+    if not curves:
+        raise InvtrackError(f"panel {quantity!r} has no curve; give it at least one, or leave it out")
+    for name, (time, values) in curves.items():
+        if len(time) != len(values):
+            raise InvtrackError(f"curve {name!r} of {quantity} has {len(values)} values at {len(time)} times")
 
 
 def sweep_figure(
@@ -93,6 +158,7 @@ def decay_figure(title: str, decays: Sequence[Decay]) -> Figure:
             axes.set_ylabel(decay.label)
             axes.set_xlabel("time [s]")
             axes.legend(loc="upper right")
+        figure.align_ylabels()
     return figure
 
 
@@ -123,11 +189,19 @@ def frequency_response_figure(
         all_axes[0].set_ylabel(magnitude)
         if phase:
             all_axes[1].set_ylabel("phase [degrees]")
+            all_axes[1].yaxis.set_major_locator(MultipleLocator(_phase_step(all_axes[1])))
         all_axes[-1].set_xlabel("frequency [rad/s]")
         all_axes[0].margins(x=0.0)
+        figure.align_ylabels()
         if len(curves) > 1:
             figure.legend(*all_axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
     return figure
+
+
+def _phase_step(axes: Axes) -> float:
+    """Degrees between ticks: the least part or multiple of a quarter turn that gives no more than PHASE_TICKS of them."""
+    low, high = axes.get_ylim()
+    return next(step for step in (math.ldexp(45.0, k) for k in count()) if high - low <= PHASE_TICKS * step)
 
 
 def _phase(curve: ComplexArray) -> Array:

@@ -1,4 +1,4 @@
-"""One run over time: states, output, tracking error and input."""
+"""One run over time: states, output, tracking error and input; and its input before the manoeuvre."""
 
 from __future__ import annotations
 
@@ -6,11 +6,28 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from invtrack.figures.panels import draw_line, draw_magnitudes, draw_steps, mark_intervals, shown_window, within
-from invtrack.figures.style import REFERENCE, join_units, label, line_looks, new_figure, shared_style
+from invtrack.figures.style import (
+    COLORS,
+    FAINT,
+    INK,
+    REFERENCE,
+    draw_line,
+    draw_magnitudes,
+    draw_steps,
+    join_units,
+    label,
+    line_looks,
+    mark_intervals,
+    new_figure,
+    shared_style,
+    shown_window,
+    within,
+    write,
+)
+from invtrack.results.metrics import preactuation_time
 from invtrack.results.result import RunResult, Signal
 
-INCHES_PER_PANEL = 1.55
+INCHES_PER_PANEL = 1.7
 LEGEND_COLUMNS, ROW_SHARE = 3, 0.17  # entries in a row of a legend; share of a panel's height that a row takes
 
 
@@ -26,7 +43,7 @@ def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = N
     with parameter jumps (1996), Figure 5.
     """
     window = shown_window(result, window)
-    state_units = list(dict.fromkeys(result.state.units))
+    state_units = list(dict.fromkeys(result.state.channels.units))
     with shared_style():
         rows = max(len(state_units), 3)
         figure = new_figure(f"{result.model}: {result.name}", width=9.5, height=0.9 + INCHES_PER_PANEL * rows)
@@ -42,12 +59,57 @@ def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = N
             for i, axes in enumerate(column):
                 mark_intervals(axes, result, window, labelled=i == 0)
             column[-1].set_xlabel("time [s]")
+        left.align_ylabels()
+        right.align_ylabels()
+    return figure
+
+
+def preactuation_figure(result: RunResult, *, level: float = 0.01) -> Figure:
+    """|u| before the manoeuvre on a logarithmic axis, with `level` times its peak and the run's preactuation time marked.
+
+    |u| is the Euclidean norm of the applied inputs; the time is that of `invtrack.results.preactuation_time` at this level. A
+    straight line is an exponential: its slope is the real part of the zero that sets the preactuation.
+
+    Raises InvtrackError unless 0 < level < 1, and for a run without a finite input.
+    """
+    start, end = result.manoeuvre
+    lasting = preactuation_time(result, level=level)
+    magnitude = np.hypot.reduce(np.abs(result.applied.values), axis=1)  # no squares: they overflow in a run that diverges
+    finite = magnitude[np.isfinite(magnitude)]
+    peak = float(finite.max()) if len(finite) else 0.0
+    middle = (result.time[:-1] + result.time[1:]) / 2
+    lead = min(start - float(result.time[0]), max(3 * lasting, end - start))
+    window = (start - lead, start + 0.15 * max(lead, end - start))
+    shown = (middle >= window[0]) & (middle <= window[1])
+    unit = join_units(result.applied.channels.units)
+    size = f"{peak:.3g}" if unit == "1" else f"{peak:.3g} {unit}"
+    with shared_style():
+        figure = new_figure(f"{result.model}: {result.name}, input before the manoeuvre", width=8, height=3.4)
+        axes = figure.add_subplot()
+        draw_magnitudes(axes, [(middle[shown], magnitude[shown], {"color": COLORS[0]})], peak=peak or None)
+        axes.set_xlim(*window)
+        axes.set_xlabel("time [s]")
+        axes.set_ylabel(f"$|u|$ [{unit}]")
+        axes.axvline(start, color=FAINT, linewidth=0.8, linestyle=(0, (1, 2)))
+        write(axes, "$T_i$", (start, 1), axes.get_xaxis_transform(), (0, 1), ha="center", va="bottom")
+        if peak > 0:
+            axes.axhline(level * peak, color=COLORS[1], linewidth=1, linestyle="--")
+            text = f"{100 * level:g} % of the peak {size}"
+            write(axes, text, (0, level * peak), axes.get_yaxis_transform(), (4, 3), color=COLORS[1])
+        if lasting > 0 and peak > 0:
+            height = level * peak * 0.4
+            arrow = {"arrowstyle": "<->", "color": INK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", (start - lasting, height), (start, height), arrowprops=arrow)
+            text = f"preactuation time {lasting:.3g} s"
+            write(axes, text, (start, height), "data", (-3, -4), ha="right", va="top")
     return figure
 
 
 def _draw_states(axes: Axes, result: RunResult, unit: str, window: tuple[float, float]) -> None:
-    part = within(result, window)
-    names = [name for name, its_unit in zip(result.state.names, result.state.units, strict=True) if its_unit == unit]
+    part = within(result.time, window)
+    names = [
+        name for name, its_unit in zip(result.state.channels.names, result.state.channels.units, strict=True) if its_unit == unit
+    ]
     for name, look in zip(names, line_looks(len(names)), strict=True):
         draw_line(axes, result.time[part], result.state[name][part], label=name, **look)
     for i, name in enumerate(names):
@@ -58,7 +120,7 @@ def _draw_states(axes: Axes, result: RunResult, unit: str, window: tuple[float, 
 
 
 def _draw_output(axes: Axes, result: RunResult, window: tuple[float, float]) -> None:
-    part = within(result, window)
+    part = within(result.time, window)
     _draw_channels(axes, result, result.output, window)
     for i, channel in enumerate(result.reference.values[part].T):
         draw_line(axes, result.time[part], channel, label="reference" if i == 0 else None, **REFERENCE)
@@ -67,36 +129,35 @@ def _draw_output(axes: Axes, result: RunResult, window: tuple[float, float]) -> 
 
 
 def _draw_error(axes: Axes, result: RunResult, window: tuple[float, float]) -> None:
-    part = within(result, window)
+    part = within(result.time, window)
     looks = line_looks(result.error.shape[1])
     channels = zip(result.error[part].T, looks, strict=True)
     draw_magnitudes(axes, [(result.time[part], channel, {**look}) for channel, look in channels])
-    axes.set_ylabel(f"$|y - y_d|$ [{join_units(result.output.units)}]")
+    axes.set_ylabel(f"$|y - y_d|$ [{join_units(result.output.channels.units)}]")
 
 
 def _draw_input(axes: Axes, result: RunResult, window: tuple[float, float]) -> None:
-    part = within(result, window)
-    steps = slice(part.start, min(part.stop, len(result.time)) - 1)
-    names = result.applied.names
+    part = within(result.time, window)
+    names = result.applied.channels.names
     for name, look in zip(names, line_looks(len(names)), strict=True):
-        draw_steps(axes, result.time[part], result.applied[name][steps], label=name, **look)
-    if not np.array_equal(result.applied.values[steps], result.commanded.values[steps]):
-        for i, name in enumerate(result.commanded.names):
-            draw_steps(axes, result.time[part], result.commanded[name][steps], label="commanded" if i == 0 else None, **REFERENCE)
+        draw_steps(axes, result.time[part], result.applied[name][part], label=name, **look)
+    if not np.array_equal(result.applied.values[part], result.commanded.values[part]):
+        for i, name in enumerate(result.commanded.channels.names):
+            draw_steps(axes, result.time[part], result.commanded[name][part], label="commanded" if i == 0 else None, **REFERENCE)
     axes.set_ylabel(_axis_label("input", result.applied))
     _add_legend(axes)
 
 
 def _draw_channels(axes: Axes, result: RunResult, signal: Signal, window: tuple[float, float]) -> None:
-    part = within(result, window)
-    for name, look in zip(signal.names, line_looks(len(signal.names)), strict=True):
+    part = within(result.time, window)
+    for name, look in zip(signal.channels.names, line_looks(len(signal.channels)), strict=True):
         draw_line(axes, result.time[part], signal[name][part], label=name, **look)
 
 
 def _axis_label(kind: str, signal: Signal) -> str:
-    if len(signal.names) == 1:
-        return label(signal.names[0], signal.units[0])
-    return f"{kind}s [{join_units(signal.units)}]"
+    if len(signal.channels) == 1:
+        return label(signal.channels.names[0], signal.channels.units[0])
+    return f"{kind}s [{join_units(signal.channels.units)}]"
 
 
 def _add_legend(axes: Axes) -> None:

@@ -1,0 +1,33 @@
+"""Exact, modified and causal inversion, steady-state feedforward, and whether a reference can be followed."""
+
+from invtrack.inversion.exact import invert
+from invtrack.inversion.feasibility import feasibility
+from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
+from invtrack.inversion.modified.modified_inversion import modified_inversion
+from invtrack.inversion.modified.modified_plan import Candidate, Modification, ModifiedTrajectory
+from invtrack.inversion.modified.preactuation_trade_off import (
+    TradeOff,
+    TradeOffPoint,
+    preactuation_trade_off,
+    tune_modified_inversion,
+)
+from invtrack.inversion.no_preactuation import causal_inverse, steady_state_feedforward
+
+__all__ = [
+    "BoundaryConditions",
+    "Candidate",
+    "FeasibilityReport",
+    "IntervalReport",
+    "JumpReport",
+    "Modification",
+    "ModifiedTrajectory",
+    "TradeOff",
+    "TradeOffPoint",
+    "causal_inverse",
+    "feasibility",
+    "invert",
+    "modified_inversion",
+    "preactuation_trade_off",
+    "steady_state_feedforward",
+    "tune_modified_inversion",
+]

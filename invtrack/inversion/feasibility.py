@@ -17,9 +17,7 @@ from invtrack.errors import (
     RelativeDegreeError,
     TrajectoryError,
 )
-from invtrack.inversion.bounded_solution.assembly import Assembly, assemble
-from invtrack.inversion.bounded_solution.junctions import SAME_ROW_TOLERANCE
-from invtrack.inversion.exact import invert
+from invtrack.inversion.exact import inverse_problem, invert
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
 from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
 from invtrack.linear.normal_form import NormalForm, couplings
@@ -27,8 +25,8 @@ from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.linear.zeros import ZeroReport, zero_report
-from invtrack.plans.boundary_value import BoundaryValueSolution, solve
-from invtrack.plans.problem import deviation_reference, require_reference
+from invtrack.plans.problem import PlanningProblem, require_reference
+from invtrack.plans.two_sided_problem import SAME_ROW_TOLERANCE, TwoSidedSolution
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -55,24 +53,23 @@ def feasibility(model: Any, reference: PiecewiseSignal) -> FeasibilityReport:
     plant = as_switched(model)
     require_reference(plant, reference)
     edges = [-np.inf, *plant.switch_times.tolist(), np.inf]
-    ends = {id(plant.systems[0]), id(plant.systems[-1])}
-    known = {id(system): _examine(system, endless=id(system) in ends) for system in plant.systems}
-    examined = [known[id(system)] for system in plant.systems]
+    endless = {id(plant.systems[0]), id(plant.systems[-1])}
+    examined = plant.map(lambda system: _examine(system, endless=id(system) in endless))
     intervals = tuple(
         IntervalReport(start, end, zeros, "" if error is None else str(error))
         for start, end, (zeros, _, error) in zip(edges[:-1], edges[1:], examined, strict=True)
     )
     splits = [split for _, split, _ in examined if split is not None]
-    problem = _boundary_value_problem(plant, splits, reference) if len(splits) == len(plant) else None
-    jumps = tuple(_jump(plant, k, examined[k][1], examined[k + 1][1], problem) for k in range(len(plant) - 1))
+    equations = _equations(plant, splits, reference) if len(splits) == len(plant) else None
+    jumps = tuple(_jump(plant, k, examined[k][1], examined[k + 1][1], equations) for k in range(len(plant) - 1))
     error = _verdict(plant, reference)
     return FeasibilityReport(
         solvable=error is None,
-        failed="" if error is None else _condition(error, problem is not None),
+        failed="" if error is None else _condition(error, equations is not None),
         message="" if error is None else str(error),
         intervals=intervals,
         jumps=jumps,
-        boundary=None if problem is None else _boundary_conditions(splits, jumps, *problem),
+        boundary=None if equations is None else _boundary_conditions(splits, jumps, equations),
     )
 
 
@@ -101,15 +98,12 @@ def _verdict(plant: SwitchedSystem, reference: PiecewiseSignal) -> InvtrackError
     return None
 
 
-def _boundary_value_problem(
-    plant: SwitchedSystem, splits: list[SplitDynamics], reference: PiecewiseSignal
-) -> tuple[Assembly, BoundaryValueSolution] | None:
+def _equations(plant: SwitchedSystem, splits: list[SplitDynamics], reference: PiecewiseSignal) -> TwoSidedSolution | None:
     """The equations behind `invert`, also where they have no solution or the reference is not smooth; None if they do not exist."""
     try:
-        assembly = assemble(plant, splits, deviation_reference(plant, reference))
+        return inverse_problem(PlanningProblem.of(plant, reference), splits).solve()
     except InversionError:
         return None
-    return assembly, solve(assembly.first, assembly.junctions, assembly.last)
 
 
 def _jump(
@@ -117,7 +111,7 @@ def _jump(
     k: int,
     left: SplitDynamics | None,
     right: SplitDynamics | None,
-    problem: tuple[Assembly, BoundaryValueSolution] | None,
+    equations: TwoSidedSolution | None,
 ) -> JumpReport:
     same: bool | None = None
     angles: tuple[float | None, float | None, float | None] = (None, None, None)
@@ -130,11 +124,9 @@ def _jump(
         V_l, V_r = forms[0].V / scale, forms[1].V / scale
         angles = _angle(V_l, V_r), _angle(V_l @ left.W_s, V_r @ right.W_s), _angle(V_l @ left.W_u, V_r @ right.W_u)
     rows, fixed_miss, miss = None, None, None
-    if problem is not None and right is not None:
-        assembly, solution = problem
-        rows = len(assembly.junctions[k].rhs) - len(right.internal.A_eta)
-        fixed_miss = float(assembly.open_checks[k][1])
-        miss = float(solution.inconsistency[k] / max(assembly.size, np.finfo(float).tiny))
+    if equations is not None:
+        rows, fixed_miss = equations.compatibility_rows[k], equations.open_checks[k][1]
+        miss = float(equations.boundary.inconsistency[k] / max(equations.size, np.finfo(float).tiny))
     return JumpReport(float(plant.switch_times[k]), same, *angles, rows, fixed_miss, miss)
 
 
@@ -154,8 +146,9 @@ def _angle(left: Array, right: Array) -> float:
 
 
 def _boundary_conditions(
-    splits: list[SplitDynamics], jumps: tuple[JumpReport, ...], assembly: Assembly, solution: BoundaryValueSolution
+    splits: list[SplitDynamics], jumps: tuple[JumpReport, ...], equations: TwoSidedSolution
 ) -> BoundaryConditions:
+    solution = equations.boundary
     return BoundaryConditions(
         unknowns=len(splits[0].A_u),
         end_conditions=len(splits[-1].A_u),
@@ -163,5 +156,5 @@ def _boundary_conditions(
         stable_after=len(splits[-1].A_s),
         freedom=solution.freedom,
         conditioning=solution.conditioning,
-        final_miss=float(solution.inconsistency[-1] / max(assembly.size, np.finfo(float).tiny)),
+        final_miss=float(solution.inconsistency[-1] / max(equations.size, np.finfo(float).tiny)),
     )

@@ -1,0 +1,22 @@
+"""Linear models: state-space systems that may switch, their normal form, and their invariant zeros."""
+
+from invtrack.linear.internal_dynamics import format_zeros
+from invtrack.linear.normal_form import NormalForm, normal_form, relative_degree
+from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.linear.zeros import Zero, ZeroReport, zero_report, zeros
+
+__all__ = [
+    "Measurement",
+    "NormalForm",
+    "OperatingPoint",
+    "StateSpace",
+    "SwitchedSystem",
+    "Zero",
+    "ZeroReport",
+    "format_zeros",
+    "normal_form",
+    "relative_degree",
+    "zero_report",
+    "zeros",
+]

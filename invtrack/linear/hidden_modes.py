@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Literal
 
 import numpy as np
+import scipy  # loads scipy.optimize at its first use
 import scipy.linalg
-import scipy.optimize
 from numpy.typing import NDArray
 
 from invtrack.linear.scaling import balancing_scale

@@ -86,14 +86,6 @@ class SplitDynamics:
         )
 
 
-def zeros(system: StateSpace) -> ComplexArray:
-    """Invariant zeros of a square system with vector relative degree: the eigenvalues of its internal dynamics, (n - rho,).
-
-    Raises RelativeDegreeError where the relative degree is not defined.
-    """
-    return internal_dynamics(system).zeros
-
-
 def internal_dynamics(system: StateSpace) -> InternalDynamics:
     """Internal dynamics of `system` with the output and its derivatives as the input. Raises RelativeDegreeError."""
     form = normal_form(system)
@@ -143,7 +135,7 @@ def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics
     endless: whether the plant stays as it is for all of the past or future. Over an interval that ends, zeros on the imaginary axis
     do no harm; they are then counted with the stable ones.
 
-    Raises NonHyperbolicError for zeros on the imaginary axis if endless, RelativeDegreeError as `zeros` does.
+    Raises NonHyperbolicError for zeros on the imaginary axis if endless, RelativeDegreeError as `internal_dynamics` does.
     """
     internal = internal_dynamics(system)
     refused = on_axis(internal)

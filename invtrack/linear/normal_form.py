@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from invtrack.errors import RelativeDegreeError
 from invtrack.linear.scaling import balancing_scale
-from invtrack.linear.state_space import StateSpace
+from invtrack.linear.state_space import StateSpace, as_state_space
 
 Array = NDArray[np.float64]
 
@@ -49,19 +50,24 @@ class NormalForm:
         return F, G
 
 
-def relative_degree(system: StateSpace) -> tuple[int, ...]:
+def relative_degree(system: Any) -> tuple[int, ...]:
     """Vector relative degree (r_1, ..., r_p): how often each output must be differentiated until an input appears.
 
-    Raises RelativeDegreeError where an output is reached by no input, or where B_y (p, p) is singular or too ill-conditioned.
+    system: StateSpace, or anything with A, B, C, D.
+
+    Raises ModelError for a malformed model, RelativeDegreeError where an output is reached by no input, or where B_y (p, p) is
+    singular or too ill-conditioned.
     """
     return normal_form(system).relative_degree
 
 
-def normal_form(system: StateSpace) -> NormalForm:
+def normal_form(system: Any) -> NormalForm:
     """Normal form of `system`, internal coordinates orthonormal after balancing the states.
 
-    Raises RelativeDegreeError as `relative_degree` does.
+    system: StateSpace, or anything with A, B, C, D. Raises ModelError for a malformed model, RelativeDegreeError as
+    `relative_degree` does.
     """
+    system = as_state_space(system)
     degrees, star_rows, A_rows, B_rows = [], [], [], []
     scale = _state_units(system)
     for i in range(system.n_channels):
@@ -105,7 +111,7 @@ def _differentiate_output(system: StateSpace, i: int, scale: Array) -> tuple[lis
     while np.all(np.abs(gain) <= ROW_TOLERANCE * gain_size + gain_error):
         if len(rows) == system.n_states:
             raise RelativeDegreeError(
-                f"output {system.output_names[i]!r} is not reached by any input (C_i A^k B vanishes for all "
+                f"output {system.outputs.names[i]!r} is not reached by any input (C_i A^k B vanishes for all "
                 f"k < {system.n_states}); choose another output, or another actuator"
             )
         rows.append(row)
@@ -125,8 +131,8 @@ def _decoupling_condition(system: StateSpace, B_y: Array, degrees: list[int]) ->
     condition = float(np.linalg.cond(scaled))
     if not condition < DECOUPLING_CONDITION_LIMIT:
         raise RelativeDegreeError(
-            f"no vector relative degree: the outputs {list(system.output_names)} differentiated {degrees} times give a B_y with "
-            f"condition number {condition:.1e} (limit {DECOUPLING_CONDITION_LIMIT:.0e}), so the inputs {list(system.input_names)} "
+            f"no vector relative degree: the outputs {list(system.outputs.names)} differentiated {degrees} times give a B_y with "
+            f"condition number {condition:.1e} (limit {DECOUPLING_CONDITION_LIMIT:.0e}), so the inputs {list(system.inputs.names)} "
             "cannot set the outputs independently; choose other outputs, or delay an input by integrators in front of it"
         )
     return condition

@@ -35,6 +35,12 @@ def balancing_scale(M: Array, *, within_parts: bool = False) -> Array:
     return np.asarray(np.clip(np.exp2(np.rint(exponent - np.median(exponent))), 1 / LARGEST_SCALE, LARGEST_SCALE))
 
 
+def pace_of(M: Array) -> float:
+    """How fast exp(M t) changes [rad/s], free of the units of its states."""
+    scale = balancing_scale(M, within_parts=True)
+    return float(np.linalg.norm(M * scale / scale[:, None], 2))
+
+
 def unit_ratios(plant: SwitchedSystem) -> Array:
     """Size (n, n) that state i has where state j is 1, from how strongly they act on each other; 0 for those that do not.
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.channels import Channels
 from invtrack.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -32,18 +33,22 @@ class OperatingPoint:
         return all(a.shape == b.shape and np.allclose(a, b, rtol=tolerance, atol=tolerance) for a, b in pairs)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Measurement:
     """What a controller can measure: y_m = y0 + C x + D (u - u0).
 
-    C (m, n), D (m, p), m names, and the values y0 (m,) at the operating point. Any number of signals m; they need not be the
-    outputs that follow a trajectory.
+    C (m, n), D (m, p), m channels (names alone will do), and the values y0 (m,) at the operating point. Any number of signals m;
+    they need not be the outputs that follow a trajectory.
     """
 
     C: Array
     D: Array
-    names: tuple[str, ...]
+    channels: Channels
     y0: Array
+
+    def __init__(self, C: Array, D: Array, channels: Channels | Sequence[str], y0: Array) -> None:
+        for name, value in (("C", C), ("D", D), ("channels", Channels.of(channels)), ("y0", y0)):
+            object.__setattr__(self, name, value)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,22 +56,26 @@ class StateSpace:
     """A linear model x' = A x + B (u - u0), y = y0 + C x + D (u - u0), square (as many inputs as outputs).
 
     Shapes: A (n, n), B (n, p), C (p, n), D (p, p). x is the deviation from the operating point; inputs u and outputs y are
-    absolute. Without an operating point u0 and y0 are zero. `measurement` is what a controller can measure, the outputs themselves
-    unless stated. `error_estimates` holds, for a model that was found numerically, an
-    estimate of the largest error of an entry of each matrix.
+    absolute. Without an operating point u0 and y0 are zero.
 
-    Raises ModelError where shapes do not fit, an entry is not finite, or a name occurs twice.
+    states, inputs, outputs: names and units, as Channels or names alone; x1, u1, y1 and so on unless stated. measurement: what a
+    controller can measure, the outputs themselves unless stated. parameters: the values, by name, of the physical parameters that
+    the model holds for, as far as they are known. error_estimates: for a model that was found numerically, an estimate of the
+    largest error of an entry of each matrix.
+
+    Raises ModelError where shapes do not fit, an entry is not finite, or names are too few, too many or not distinct.
     """
 
     A: Array
     B: Array
     C: Array
     D: Array
-    state_names: tuple[str, ...]
-    input_names: tuple[str, ...]
-    output_names: tuple[str, ...]
+    states: Channels
+    inputs: Channels
+    outputs: Channels
     operating_point: OperatingPoint
     measurement: Measurement
+    parameters: Mapping[str, float] = field(default_factory=dict)
     error_estimates: Mapping[str, float] = field(default_factory=dict)
 
     def __init__(
@@ -76,11 +85,12 @@ class StateSpace:
         C: ArrayLike,
         D: ArrayLike | None = None,
         *,
-        state_names: Sequence[str] | None = None,
-        input_names: Sequence[str] | None = None,
-        output_names: Sequence[str] | None = None,
+        states: Channels | Sequence[str] | None = None,
+        inputs: Channels | Sequence[str] | None = None,
+        outputs: Channels | Sequence[str] | None = None,
         operating_point: OperatingPoint | None = None,
         measurement: Measurement | None = None,
+        parameters: Mapping[str, float] | None = None,
         error_estimates: Mapping[str, float] | None = None,
     ) -> None:
         A, B, C = _matrix("A", A), _matrix("B", B), _matrix("C", C)
@@ -104,10 +114,10 @@ class StateSpace:
             )
         if not (np.all(np.isfinite(operating_point.u0)) and np.all(np.isfinite(operating_point.y0))):
             raise ModelError("operating point has entries in u0 or y0 that are not finite")
-        output_names = _names("output", "y", output_names, p)
+        outputs = _channels("output", "y", outputs, p)
         if measurement is None:
-            measurement = Measurement(C, D, output_names, operating_point.y0)
-        m = len(measurement.names)
+            measurement = Measurement(C, D, outputs, operating_point.y0)
+        m = len(measurement.channels)
         if measurement.C.shape != (m, n) or measurement.D.shape != (m, p) or measurement.y0.shape != (m,):
             raise ModelError(
                 f"measurement of {m} signals has C {measurement.C.shape}, D {measurement.D.shape} and y0 {measurement.y0.shape}, "
@@ -118,11 +128,12 @@ class StateSpace:
             "B": B,
             "C": C,
             "D": D,
-            "state_names": _names("state", "x", state_names, n),
-            "input_names": _names("input", "u", input_names, p),
-            "output_names": output_names,
+            "states": _channels("state", "x", states, n),
+            "inputs": _channels("input", "u", inputs, p),
+            "outputs": outputs,
             "operating_point": operating_point,
             "measurement": measurement,
+            "parameters": {name: float(value) for name, value in (parameters or {}).items()},
             "error_estimates": dict(error_estimates or {}),
         }
         for name, value in values.items():
@@ -138,7 +149,7 @@ class StateSpace:
         """Number of inputs, and of outputs, p."""
         return len(self.D)
 
-    def transformed(self, T: ArrayLike, state_names: Sequence[str] | None = None) -> StateSpace:
+    def transformed(self, T: ArrayLike, states: Channels | Sequence[str] | None = None) -> StateSpace:
         """The same system in the coordinates T x (T (n, n), nonsingular): T A T^-1, T B, C T^-1, D."""
         T = _matrix("T", T)
         if T.shape != self.A.shape:
@@ -157,11 +168,12 @@ class StateSpace:
             T @ self.B,
             C,
             self.D,
-            state_names=state_names,
-            input_names=self.input_names,
-            output_names=self.output_names,
+            states=states,
+            inputs=self.inputs,
+            outputs=self.outputs,
             operating_point=self.operating_point,
             measurement=replace(self.measurement, C=C_m),
+            parameters=self.parameters,
             error_estimates={name: float(growth[name] * error) for name, error in self.error_estimates.items()},
         )
 
@@ -199,9 +211,10 @@ def _matrix(name: str, value: ArrayLike) -> Array:
     return matrix
 
 
-def _names(kind: str, letter: str, names: Sequence[str] | None, count: int) -> tuple[str, ...]:
-    if names is None:
-        return tuple(f"{letter}{i + 1}" for i in range(count))
-    if len(names) != count or len(set(names)) != count:
+def _channels(kind: str, letter: str, given: Channels | Sequence[str] | None, count: int) -> Channels:
+    if given is None:
+        return Channels.numbered(letter, count)
+    if len(given) != count or (not isinstance(given, Channels) and len(set(given)) != count):
+        names = given.names if isinstance(given, Channels) else given
         raise ModelError(f"expected {count} distinct {kind} names, got {list(names)}")
-    return tuple(names)
+    return Channels.of(given)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.channels import Channels
+from invtrack.checks import increasing_times
 from invtrack.errors import ModelError
 from invtrack.linear.state_space import OperatingPoint, StateSpace, as_state_space
 
@@ -23,7 +26,8 @@ double eigenvalue at zero is split by rounding to about sqrt(eps) of it."""
 class SwitchedSystem:
     """A, B, C, D constant between known switch times t_1 < ... < t_N [s]; the state is continuous at a switch.
 
-    systems: N + 1 models of the same states, inputs and outputs about the same operating point; switch_times: (N,), may be empty.
+    systems: N + 1 models of the same states, inputs and outputs about the same operating point, for values of the same physical
+    parameters; switch_times: (N,), may be empty.
     distinct: the models without repetition; numbers (N + 1,): which of them each interval has.
     Interval k reaches from t_k to t_(k+1), the first from -infinity and the last to infinity (Devasia, Paden, Rossi 1996, eq. 1).
 
@@ -38,11 +42,9 @@ class SwitchedSystem:
 
     def __init__(self, systems: Sequence[Any], switch_times: ArrayLike = ()) -> None:
         models = tuple(as_state_space(system) for system in systems)
-        times = np.array(switch_times, dtype=float).reshape(-1)
+        times = increasing_times("switch times", switch_times, error=ModelError)
         if len(models) != len(times) + 1:
             raise ModelError(f"expected one more system than switch times, got {len(models)} systems and {len(times)} switch times")
-        if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
-            raise ModelError(f"switch times must be finite and increase, got {times.tolist()}")
         for k, model in enumerate(models[1:], start=1):
             _require_same_frame(models[0], model, k)
         times.setflags(write=False)
@@ -73,24 +75,41 @@ class SwitchedSystem:
         return self.systems[0].n_channels
 
     @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the states, the same in every interval."""
-        return self.systems[0].state_names
+    def states(self) -> Channels:
+        """The states, the same in every interval."""
+        return self.systems[0].states
 
     @property
-    def input_names(self) -> tuple[str, ...]:
-        """Names of the inputs, the same in every interval."""
-        return self.systems[0].input_names
+    def inputs(self) -> Channels:
+        """The inputs, the same in every interval."""
+        return self.systems[0].inputs
 
     @property
-    def output_names(self) -> tuple[str, ...]:
-        """Names of the outputs, the same in every interval."""
-        return self.systems[0].output_names
+    def outputs(self) -> Channels:
+        """The outputs, the same in every interval."""
+        return self.systems[0].outputs
+
+    @property
+    def measurements(self) -> Channels:
+        """What a controller can measure, as the first interval calls it."""
+        return self.systems[0].measurement.channels
 
     @property
     def operating_point(self) -> OperatingPoint:
         """The point about which all intervals hold."""
         return self.systems[0].operating_point
+
+    @property
+    def parameters(self) -> Mapping[str, float]:
+        """Values of the physical parameters before the first switch, by name, as far as the models know them."""
+        return self.systems[0].parameters
+
+    @property
+    def schedule(self) -> tuple[tuple[float, dict[str, float]], ...]:
+        """When which physical parameters take other values: (switch time [s], {name: new value}), where any does."""
+        pairs = zip(self.switch_times.tolist(), itertools.pairwise(self.systems), strict=True)
+        changes = [(t, {name: v for name, v in new.parameters.items() if v != old.parameters[name]}) for t, (old, new) in pairs]
+        return tuple((time, values) for time, values in changes if values)
 
     def interval(self, t: ArrayLike) -> NDArray[np.intp]:
         """Index of the interval that holds each time; a switch time itself belongs to the interval that it starts."""
@@ -103,10 +122,16 @@ def as_switched(model: Any) -> SwitchedSystem:
 
 
 def _require_same_frame(first: StateSpace, model: StateSpace, k: int) -> None:
-    for kind in ("state_names", "input_names", "output_names"):
+    for kind in ("states", "inputs", "outputs"):
         expected, got = getattr(first, kind), getattr(model, kind)
-        if expected != got:
-            raise ModelError(f"interval {k} has {kind} {list(got)}, interval 0 has {list(expected)}; they must be the same")
+        if not got.fits(expected):
+            raise ModelError(f"interval {k} has the {kind} {got}, interval 0 has {expected}; they must be the same")
+    if model.parameters.keys() != first.parameters.keys():
+        known, expected = (", ".join(system.parameters) or "none" for system in (model, first))
+        raise ModelError(
+            f"interval {k} holds for values of the parameters {known}, interval 0 of {expected}; linearize all intervals from one "
+            "plant, or state `parameters` of the same names for all of them"
+        )
     if not model.operating_point.agrees_with(first.operating_point):
         first_point, point = first.operating_point, model.operating_point
         raise ModelError(

@@ -6,9 +6,14 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from invtrack.linear.hidden_modes import ZeroKind, zero_kinds
 from invtrack.linear.internal_dynamics import format_zeros, internal_dynamics, on_axis
 from invtrack.linear.state_space import as_state_space
+
+ComplexArray = NDArray[np.complex128]
 
 NEAR_AXIS = 0.1
 """A zero is called near the imaginary axis where |Re| is below this share of its magnitude."""
@@ -132,6 +137,15 @@ class ZeroReport:
 
 def _upper(value: complex) -> complex:
     return complex(value.real, abs(value.imag))
+
+
+def zeros(system: Any) -> ComplexArray:
+    """Invariant zeros [rad/s] of a square plant with vector relative degree: the eigenvalues of its internal dynamics, (n - rho,).
+
+    system: StateSpace, or anything with A, B, C, D. Raises ModelError for a malformed model, RelativeDegreeError where there is no
+    vector relative degree.
+    """
+    return internal_dynamics(as_state_space(system)).zeros
 
 
 def zero_report(system: Any) -> ZeroReport:

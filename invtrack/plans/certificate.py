@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.linear.scaling import balancing_scale, comparable_size, unit_ratios
+from invtrack.errors import PlanError
+from invtrack.linear.scaling import comparable_size, unit_ratios
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.plan import Certificate, TwoSidedTrajectory
+from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -18,13 +21,46 @@ PANEL_ANGLE = 1.0
 PANELS_PER_PIECE = 200
 """Panels checked per piece at most, spread evenly over it."""
 
+ACCURACY = 1e-8
+"""Largest residual of a plan, relative to its size, with which it is handed out."""
+
 TOTAL_PANELS = 20_000
 """Panels checked in all, at most; beyond, pieces are skipped evenly."""
 
 
-def certify(
-    model: SwitchedSystem, trajectory: TwoSidedTrajectory, reference: PiecewiseSignal, span: tuple[float, float]
-) -> Certificate:
+@dataclass(frozen=True)
+class Certificate:
+    """How well a planned trajectory meets its conditions, measured from its values alone, not from how it was found.
+
+    dynamics_residual: largest |x(b) - x(a) - integral of A x + B u| over panels, relative to each state's peak.
+    output_error: largest |C x + D u - wanted output| (and whether the planned y says the same), relative to the peak of the wanted
+    motion.
+    continuity: largest jump of a state at a breakpoint, relative to its peak.
+    rest_residual: largest distance of a state from rest (or from its bounded particular solution) at the ends of the trajectory,
+    relative to its peak.
+    """
+
+    dynamics_residual: float
+    output_error: float
+    continuity: float
+    rest_residual: float
+
+    def worst(self, *, exact: bool) -> float:
+        """The largest residual of the plan's own equations; y = y_d is one of them if `exact`."""
+        return max(self.dynamics_residual, self.continuity, self.output_error if exact else 0.0)
+
+    def require(self, *, exact: bool, method: str) -> None:
+        """The last guard: raises PlanError for a plan that misses its own equations by more than ACCURACY, whatever the reason."""
+        worst = self.worst(exact=exact)
+        if not worst <= ACCURACY:
+            raise PlanError(
+                f"the plan by {method} is too ill-conditioned to be trusted: it misses its own equations by {worst:.1e} of its "
+                f"size ({self}); look for inputs, states or weights in badly chosen units, nearly dependent outputs, or a model in "
+                "fewer states"
+            )
+
+
+def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseSignal, span: tuple[float, float]) -> Certificate:
     """Residuals of `trajectory` over `span` [s], from its values at off-grid points, one piece at a time.
 
     `reference` holds the wanted output as deviation from the operating point.
@@ -65,22 +101,20 @@ def certify(
     )
 
 
-def _panels(
-    trajectory: TwoSidedTrajectory, switch_times: Array, span: tuple[float, float]
-) -> tuple[Array, Array, NDArray[np.intp]]:
+def _panels(trajectory: Trajectory, switch_times: Array, span: tuple[float, float]) -> tuple[Array, Array, NDArray[np.intp]]:
     """Starts, ends and pieces of the panels, none of which crosses a breakpoint or a switch time."""
     inner = trajectory.breakpoints
     first, last = min(span[0], inner[0]), max(span[1], inner[-1])
     edges = np.concatenate([[first], np.union1d(inner, switch_times[(switch_times > first) & (switch_times < last)]), [last]])
     piece = trajectory.locate((edges[:-1] + edges[1:]) / 2)
-    fastest = [max(_pace(M) for M in (g.M_f, g.M_b) if M.size) for g in trajectory.generators]
+    fastest = trajectory.paces()
     stride = max(1, len(piece) // (TOTAL_PANELS // 10))
     starts, ends, owners = [], [], []
     for j in range(0, len(edges) - 1, stride):
         length = edges[j + 1] - edges[j]
         if length <= 0:
             continue
-        panel = min(length, PANEL_ANGLE / max(float(fastest[trajectory.kind[piece[j]]]), np.finfo(float).tiny))
+        panel = min(length, PANEL_ANGLE / max(float(fastest[piece[j]]), np.finfo(float).tiny))
         count = int(min(np.ceil(length / panel), PANELS_PER_PIECE))
         first = edges[j] + (length - panel) * np.linspace(0.0, 1.0, count)
         starts.append(first)
@@ -89,20 +123,14 @@ def _panels(
     return np.concatenate(starts), np.concatenate(ends), np.concatenate(owners)
 
 
-def _pace(M: Array) -> float:
-    """How fast exp(M t) changes [rad/s], free of the units of its states."""
-    scale = balancing_scale(M, within_parts=True)
-    return float(np.linalg.norm(M * scale / scale[:, None], 2))
-
-
-def _continuity(trajectory: TwoSidedTrajectory, size: Array) -> float:
+def _continuity(trajectory: Trajectory, size: Array) -> float:
     pieces = np.arange(len(trajectory.breakpoints))
     left = trajectory(trajectory.breakpoints, pieces)[:, : len(size)]
     right = trajectory(trajectory.breakpoints, pieces + 1)[:, : len(size)]
     return float(np.max(np.abs(right - left) / size))
 
 
-def _rest_residual(trajectory: TwoSidedTrajectory, span: tuple[float, float], size: Array) -> float:
+def _rest_residual(trajectory: Trajectory, span: tuple[float, float], size: Array) -> float:
     """How much the states still change from the ends of the span on outward, over ten times its length."""
     length = span[1] - span[0]
     times = np.array([span[0], span[0] - 10 * length, span[1], span[1] + 10 * length])

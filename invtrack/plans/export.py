@@ -1,17 +1,17 @@
-"""A planned trajectory sampled for hardware: what a real-time target plays, at its own rate."""
+"""A planned trajectory sampled for hardware, what a real-time target plays at its own rate, and the plan read back from it."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.errors import TrajectoryError
+from invtrack.errors import FileError, TrajectoryError
 from invtrack.plans.plan import Plan
-from invtrack.plans.plan_file import SampledPlan, write_plan
+from invtrack.plans.plan_file import SampledPlan, read_samples, write_plan
+from invtrack.plans.sampled import origin_of, plan_from
 
 Array = NDArray[np.float64]
 
@@ -34,13 +34,28 @@ def export_plan(
     inputs: Inputs = "midpoint",
     start: float | None = None,
     end: float | None = None,
-    units: Mapping[str, str] | None = None,
 ) -> Path:
     """Write `sampled_plan` to a file, .csv or .npz by its suffix, in one piece; returns the path.
 
     Raises TrajectoryError as `sampled_plan` does, for another suffix, and where the file cannot be written.
     """
-    return write_plan(sampled_plan(plan, rate=rate, inputs=inputs, start=start, end=end, units=units), path)
+    return write_plan(sampled_plan(plan, rate=rate, inputs=inputs, start=start, end=end), path)
+
+
+def read_plan(path: str | Path) -> Plan:
+    """The plan in a file that `export_plan` wrote: as it was sampled, to be followed, drawn and simulated.
+
+    Between the rows it is polynomial: u_ff is held, or linear for the inputs "sample"; x_ref and y are the cubics that agree with
+    the rows and with the plant's equations at both ends of each row's time; y_d is a spline through its samples. Before the first
+    and after the last row it holds what stands there. Model, manoeuvre, certificate and remarks are those of the exported plan.
+
+    Raises FileError where the file cannot be read or holds no plan.
+    """
+    samples = read_samples(path)
+    try:
+        return plan_from(samples)
+    except (KeyError, TypeError, ValueError) as error:
+        raise FileError(f"{path} does not say which plan it comes from ({error}); export the plan again") from error
 
 
 def sampled_plan(
@@ -50,7 +65,6 @@ def sampled_plan(
     inputs: Inputs = "midpoint",
     start: float | None = None,
     end: float | None = None,
-    units: Mapping[str, str] | None = None,
 ) -> SampledPlan:
     """The plan at t_k = start + k / rate up to `end`: x_ref, y_d and planned y at t_k, u_ff for the time until t_(k+1).
 
@@ -61,11 +75,10 @@ def sampled_plan(
     two cases a hold across breakpoints, where u may jump, gets the mean of the stretches between them, weighted by their durations,
     so that the order stays. At a breakpoint itself y_d, y and u are taken from its right.
 
-    units: from a channel's name to its unit, for the headers. x_ref is the deviation from the operating point that `plan` was
-    planned about; u_ff, y_d and y are absolute.
+    Headers are the names and units of the plan's model. x_ref is the deviation from the operating point that `plan` was planned
+    about; u_ff, y_d and y are absolute.
 
-    Raises TrajectoryError for a rate that is not positive, end before start, an unknown kind of inputs or channel, or too many
-    rows.
+    Raises TrajectoryError for a rate that is not positive, end before start, an unknown kind of inputs, or too many rows.
     """
     if inputs not in get_args(Inputs):
         raise TrajectoryError(f"inputs must be one of {list(get_args(Inputs))}, got {inputs!r}")
@@ -78,8 +91,9 @@ def sampled_plan(
         x_ref=values.x,
         y_d=values.y_d,
         y=values.y,
-        names=_labels(plan, units or {}),
+        names=_labels(plan),
         notes=_notes(plan, rate, inputs, t[:-1]),
+        origin=origin_of(plan, inputs=inputs, end=float(t[-1])),
     )
 
 
@@ -112,14 +126,11 @@ def _held_input(plan: Plan, t: Array, nodes: int) -> Array:
     return mean
 
 
-def _labels(plan: Plan, units: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """Per array its channels' names, with [unit] where one is given."""
-    system = plan.model.systems[0]
-    names = {"u_ff": system.input_names, "x_ref": system.state_names, "y_d": system.output_names, "y": system.output_names}
-    known = {name for group in names.values() for name in group}
-    if unknown := set(units) - known:
-        raise TrajectoryError(f"units name no channel: {', '.join(sorted(unknown))}; the channels are: {', '.join(sorted(known))}")
-    return {array: tuple(f"{name} [{units[name]}]" if name in units else name for name in group) for array, group in names.items()}
+def _labels(plan: Plan) -> dict[str, tuple[str, ...]]:
+    """Per array its channels' names, with [unit] where it is known."""
+    model = plan.model
+    channels = {"u_ff": model.inputs, "x_ref": model.states, "y_d": model.outputs, "y": model.outputs}
+    return {array: group.labels for array, group in channels.items()}
 
 
 def _notes(plan: Plan, rate: float, inputs: Inputs, t: Array) -> tuple[str, ...]:

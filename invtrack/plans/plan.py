@@ -2,99 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.linear.propagation import Propagator
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.references.signal import PiecewiseSignal, selection
+from invtrack.plans.certificate import Certificate
+from invtrack.plans.trajectory import Trajectory
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class TwoSidedGenerator:
-    """A piece whose decaying part runs forward from its start and whose growing part runs backward from its end.
-
-    values = X_f v_f + X_b v_b with v_f' = M_f v_f given at the start and v_b' = M_b v_b given at the end; each is integrated in the
-    direction in which it does not grow, so that no exponential overflows. values stacks [x; u; y] (n + 2 p).
-    """
-
-    M_f: Array
-    X_f: Array
-    M_b: Array
-    X_b: Array
-
-    @cached_property
-    def propagators(self) -> tuple[Propagator, Propagator]:
-        """Those of the forward and of the backward part."""
-        return Propagator(self.M_f), Propagator(-self.M_b)
-
-
-@dataclass(frozen=True, eq=False)
-class TwoSidedTrajectory:
-    """Pieces of TwoSidedGenerators on all of time: breakpoints (m + 1,), m + 2 pieces as in PiecewiseSignal.
-
-    kind (m + 2,): generator of each piece; v_f (m + 2, .) at the start, v_b (m + 2, .) at the end of each piece, padded with zeros.
-    Piece 0 has a backward part only, the last piece a forward part only.
-    """
-
-    breakpoints: Array
-    generators: tuple[TwoSidedGenerator, ...]
-    kind: NDArray[np.intp]
-    v_f: Array
-    v_b: Array
-
-    def locate(self, t: ArrayLike) -> NDArray[np.intp]:
-        """Index of the piece that holds each time; a breakpoint belongs to the piece on its right."""
-        return np.searchsorted(self.breakpoints, np.asarray(t, dtype=float), side="right")
-
-    def __call__(self, times: Array, piece: NDArray[np.intp], rows: slice = slice(None)) -> Array:
-        """Stacked values at times (m,) taken in the pieces (m,) stated, all or some of their rows: (m, n + 2 p)."""
-        result = np.empty((len(times), len(self.generators[0].X_f[rows])))
-        since = np.maximum(times - self.breakpoints[np.maximum(piece - 1, 0)], 0.0)
-        until = np.maximum(self.breakpoints[np.minimum(piece, len(self.breakpoints) - 1)] - times, 0.0)
-        kind = self.kind[piece]
-        for index, g in enumerate(self.generators):
-            chosen = selection(kind == index)
-            if chosen is None:
-                continue
-            forward, backward = g.propagators
-            resolution = 4 * float(np.spacing(np.max(np.abs(times[chosen]))))
-            if g.M_f.size:
-                values = forward.outputs(
-                    g.X_f[rows], self.v_f[:, : len(g.M_f)], piece[chosen], since[chosen], resolution=resolution
-                )
-                result[chosen] = values
-            else:
-                result[chosen] = 0.0
-            if g.M_b.size:
-                values = backward.outputs(
-                    g.X_b[rows], self.v_b[:, : len(g.M_b)], piece[chosen], until[chosen], resolution=resolution
-                )
-                result[chosen] += values
-        return result
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """How well a planned trajectory meets its conditions, measured from its values alone, not from how it was found.
-
-    dynamics_residual: largest |x(b) - x(a) - integral of A x + B u| over panels, relative to each state's peak.
-    output_error: largest |C x + D u - wanted output| (and whether the planned y says the same), relative to the peak of the wanted
-    motion.
-    continuity: largest jump of a state at a breakpoint, relative to its peak.
-    rest_residual: largest distance of a state from rest (or from its bounded particular solution) at the ends of the trajectory,
-    relative to its peak.
-    """
-
-    dynamics_residual: float
-    output_error: float
-    continuity: float
-    rest_residual: float
+Difference = Callable[[Array, Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,28 +36,38 @@ class Plan:
     method: its name. model: the plant it was planned for. reference: the wanted output y_d. manoeuvre: (T_i, T_f) [s], the hull of
     the reference's breakpoints and of the plant's jumps. preactuation, postactuation: how long before T_i and after T_f [s] it
     differs from rest by more than `tolerance`, relative to the peak of each state and input. remarks: what a user should know
-    about the solution (for instance that it was not unique).
+    about the solution (for instance that it was not unique). difference: x minus x_ref in the plant's own way, both (n,), where
+    plain subtraction will not do (angles that turn round, quaternions).
     """
 
     method: str
     model: SwitchedSystem
     reference: PiecewiseSignal
-    trajectory: TwoSidedTrajectory
+    trajectory: Trajectory
     manoeuvre: tuple[float, float]
     preactuation: float
     postactuation: float
     tolerance: float
     certificate: Certificate
     remarks: tuple[str, ...] = ()
+    difference: Difference | None = None
 
     def __repr__(self) -> str:
         """What it is, without its arrays."""
         (low, high), (T_i, T_f) = self.input_range, self.manoeuvre
-        inputs = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip(self.model.input_names, low, high, strict=True))
+        inputs = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip(self.model.inputs.names, low, high, strict=True))
         return (
             f"<{type(self).__name__} by {self.method}: manoeuvre {T_i:.6g} to {T_f:.6g} s, preactuation {self.preactuation:.4g} s, "
             f"postactuation {self.postactuation:.4g} s, {inputs}>"
         )
+
+    @property
+    def schedule(self) -> tuple[tuple[float, dict[str, float]], ...]:
+        """When which physical parameters take other values: (time [s], {name: new value}), as the model switches.
+
+        The values before the first change are `model.parameters`; empty where the models do not know what they hold for.
+        """
+        return self.model.schedule
 
     @property
     def start(self) -> float:
@@ -169,30 +100,22 @@ class Plan:
 
     def states(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """States (m, n) at times t (m,) [s], as deviations from the operating point; see __call__."""
-        return self._rows(t, inside, slice(0, self.model.n_states))
+        return self.trajectory.at(t, inside, slice(0, self.model.n_states))
 
     def inputs(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """Inputs (m, p) at times t (m,) [s]; see __call__."""
         n, p = self.model.n_states, self.model.n_channels
-        return self._rows(t, inside, slice(n, n + p)) + self.model.operating_point.u0
-
-    def _rows(self, t: ArrayLike, inside: ArrayLike | None, rows: slice) -> Array:
-        times = np.atleast_1d(np.asarray(t, dtype=float))
-        within = times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape)
-        return self.trajectory(times, self.trajectory.locate(within), rows)
+        return self.trajectory.at(t, inside, slice(n, n + p)) + self.model.operating_point.u0
 
     def __call__(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Samples:
         """Values at times t (m,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""
+        values = self.trajectory.at(t, inside)
+        n, p, point = self.model.n_states, self.model.n_channels, self.model.operating_point
         times = np.atleast_1d(np.asarray(t, dtype=float))
-        within = times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape)
-        values = self.trajectory(times, self.trajectory.locate(within))
-        first = self.model.systems[0]
-        n, p = first.n_states, first.n_channels
-        point = first.operating_point
         return Samples(
             time=times,
             x=values[:, :n],
             u=values[:, n : n + p] + point.u0,
             y=values[:, n + p :] + point.y0,
-            y_d=self.reference(times, inside=within),
+            y_d=self.reference(times, inside=times if inside is None else np.broadcast_to(inside, times.shape)),
         )

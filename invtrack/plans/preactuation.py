@@ -6,8 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
-import scipy.optimize
+import scipy  # loads scipy.optimize at its first use
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import TrajectoryError
@@ -16,9 +15,6 @@ from invtrack.plans.plan import Plan
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-REST_TOLERANCE = 1e-9
-"""What does not grow may still change by this share of its terms and counts as rest."""
 
 UNEXCITED = 1e-12
 """A mode with less than this share of the input before the manoeuvre is rounding."""
@@ -55,37 +51,25 @@ class InputGrowth:
 
 
 def input_growth(plan: Plan) -> InputGrowth:
-    """The modes of the plan's first piece. Raises TrajectoryError for a plan that is not at rest before its manoeuvre."""
-    trajectory = plan.trajectory
-    generator = trajectory.generators[trajectory.kind[0]]
+    """The modes of the plan's tail before the manoeuvre. Raises TrajectoryError for one in which the reference goes on moving."""
+    tail, u_0 = plan.trajectory.before, plan.model.operating_point.u0
     n, p = plan.model.n_states, plan.model.n_channels
-    M, X = generator.M_b, generator.X_b[n : n + p]
-    v = trajectory.v_b[0, : len(M)]
-    u_0 = plan.model.operating_point.u0
-    if not len(M):
-        return _none(u_0)
-    schur, Q, k = scipy.linalg.schur(M, output="real", sort=lambda re, im: re > REST_TOLERANCE * np.linalg.norm(M))
-    A, rest, coupling = schur[:k, :k], schur[k:, k:], np.zeros((k, len(M) - k))
-    if 0 < k < len(M):
-        coupling = scipy.linalg.solve_sylvester(A, -rest, -schur[:k, k:])
-    q = Q.T @ v
-    X_rest = X @ (Q[:, :k] @ coupling + Q[:, k:])
-    moving = np.abs(X_rest) @ np.abs(rest @ q[k:])
-    if np.any(moving > 1e3 * REST_TOLERANCE * np.linalg.norm(M) * (np.abs(X_rest) @ np.abs(q[k:]) + np.abs(X) @ np.abs(v))):
+    rows = slice(n, n + p)
+    if not tail.holds_still and np.any(tail.X_w[rows] @ tail.S):
         raise TrajectoryError(
             "the plan is not at rest before its manoeuvre: the reference moves there for ever; let it hold still before its start"
         )
-    u_rest = u_0 + X_rest @ q[k:]
-    if k == 0:
+    u_rest = u_0 + tail.held[rows]
+    if not tail.departs:
         return _none(u_rest)
-    X_u, z = X @ Q[:, :k], q[:k] - coupling @ q[k:]
+    A, X, z = -tail.M, tail.X[rows], tail.v
     rates, vectors = np.linalg.eig(A)
-    shares = (X_u @ vectors) * np.linalg.solve(vectors, z.astype(complex))
+    shares = (X @ vectors) * np.linalg.solve(vectors, z.astype(complex))
     size = np.linalg.norm(shares, axis=0)
-    excited = size > UNEXCITED * max(float(np.max(size)), UNEXCITED * float(np.linalg.norm(np.abs(X) @ np.abs(v))))
+    excited = size > UNEXCITED * max(float(np.max(size)), UNEXCITED * float(np.linalg.norm(np.abs(X) @ np.abs(z))))
     if not np.any(excited):
         return _none(u_rest)
-    return InputGrowth(A, X_u, z, u_rest, rates[excited], shares[:, excited], vectors[:, excited])
+    return InputGrowth(A, X, z, u_rest, rates[excited], shares[:, excited], vectors[:, excited])
 
 
 def _none(u_rest: Array) -> InputGrowth:

@@ -1,0 +1,24 @@
+"""MuJoCo mechanisms as plants: named inputs, outputs and parameters, what changes in mid-run, and linearization."""
+
+from invtrack.plant.configuration import Configuration
+from invtrack.plant.linearize import linearize
+from invtrack.plant.loading import model_path
+from invtrack.plant.parameters import BodyMass, Change, JointDamping, JointStiffness, Parameter, TendonDamping, TendonStiffness
+from invtrack.plant.plant import Plant
+from invtrack.plant.variants import with_coupling_scaled, with_input_limits
+
+__all__ = [
+    "BodyMass",
+    "Change",
+    "Configuration",
+    "JointDamping",
+    "JointStiffness",
+    "Parameter",
+    "Plant",
+    "TendonDamping",
+    "TendonStiffness",
+    "linearize",
+    "model_path",
+    "with_coupling_scaled",
+    "with_input_limits",
+]

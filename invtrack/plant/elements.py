@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Container, Iterable, Sequence
-from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.plant.units import control_unit, joint_unit, sensor_unit
+
+Addresses = NDArray[np.intp]
 
 OBJECTS = {
     "body": mujoco.mjtObj.mjOBJ_BODY,
@@ -67,30 +69,23 @@ def listed(names: Iterable[str]) -> str:
     return ", ".join(names) or "none"
 
 
-@dataclass(frozen=True)
-class Channel:
-    """One scalar signal: its name, its SI unit, and its address (in data.ctrl, data.sensordata, or the state)."""
-
-    name: str
-    unit: str
-    address: int
-
-
-def input_channels(model: mujoco.MjModel, names: Sequence[str]) -> tuple[Channel, ...]:
-    """The controls of the named actuators ("NAME", or "NAME[1]" of an actuator with several controls)."""
+def input_channels(model: mujoco.MjModel, names: Sequence[str]) -> tuple[Channels, Addresses]:
+    """The controls of the named actuators ("NAME", or "NAME[1]" of an actuator with several), and where they stand in data.ctrl."""
     _require_distinct("input", names)
     actuators = set(element_names(model, "actuator"))
-    return tuple(_input_channel(model, name, actuators) for name in names)
+    units, addresses = zip(*(_control(model, name, actuators) for name in names), strict=True)
+    return Channels(names, units), np.array(addresses, dtype=np.intp)
 
 
-def _input_channel(model: mujoco.MjModel, name: str, actuators: Container[str]) -> Channel:
+def _control(model: mujoco.MjModel, name: str, actuators: Container[str]) -> tuple[str, int]:
+    """Unit and address of a control."""
     actuator_name, component = _component(name, actuators)
     actuator = element_id(model, "actuator", actuator_name)
     component = _checked_component("actuator", name, component, int(model.actuator_ctrlnum[actuator]))
-    return Channel(name, control_unit(model, actuator), int(model.actuator_ctrladr[actuator]) + component)
+    return control_unit(model, actuator), int(model.actuator_ctrladr[actuator]) + component
 
 
-def control_limits(model: mujoco.MjModel, addresses: NDArray[np.intp]) -> NDArray[np.float64]:
+def control_limits(model: mujoco.MjModel, addresses: Addresses) -> NDArray[np.float64]:
     """Lowest and highest value (p, 2) that the actuators pass on of the controls at these addresses; infinite where unlimited."""
     limited = model.actuator_ctrllimited[addresses].astype(bool)
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL:
@@ -118,13 +113,15 @@ def add_output_sensors(spec: mujoco.MjSpec, outputs: Sequence[str]) -> None:
         sensors.add(sensor)
 
 
-def output_channels(model: mujoco.MjModel, outputs: Sequence[str]) -> tuple[Channel, ...]:
-    """The sensor values that the outputs name, in a model compiled after `add_output_sensors`."""
+def output_channels(model: mujoco.MjModel, outputs: Sequence[str]) -> tuple[Channels, Addresses]:
+    """What the outputs name, and where it stands in data.sensordata, in a model compiled after `add_output_sensors`."""
     sensors = set(element_names(model, "sensor"))
-    return tuple(_output_channel(model, output, sensors) for output in outputs)
+    units, addresses = zip(*(_sensor_value(model, output, sensors) for output in outputs), strict=True)
+    return Channels(outputs, units), np.array(addresses, dtype=np.intp)
 
 
-def _output_channel(model: mujoco.MjModel, output: str, sensors: Container[str]) -> Channel:
+def _sensor_value(model: mujoco.MjModel, output: str, sensors: Container[str]) -> tuple[str, int]:
+    """Unit and address of what an output names."""
     sensor_name, component = _sensor_of(output, sensors)
     sensor = element_id(model, "sensor", sensor_name)
     if model.sensor_type[sensor] == mujoco.mjtSensor.mjSENS_USER:
@@ -132,11 +129,11 @@ def _output_channel(model: mujoco.MjModel, output: str, sensors: Container[str])
     if model.sensor_interval[sensor, 0] > 0:
         raise PlantError(f"output {output!r} is sampled at intervals, so it is no function of the state; remove the interval")
     component = _checked_component("sensor", output, component, int(model.sensor_dim[sensor]))
-    return Channel(output, sensor_unit(model, sensor), int(model.sensor_adr[sensor]) + component)
+    return sensor_unit(model, sensor), int(model.sensor_adr[sensor]) + component
 
 
-def state_channels(model: mujoco.MjModel) -> tuple[Channel, ...]:
-    """The states: tangent coordinates of the joints ("NAME"), their velocities ("NAME velocity"), activations ("NAME activation").
+def coordinate_channels(model: mujoco.MjModel) -> Channels:
+    """All 2 nv + na: tangent coordinates of joints ("NAME"), their velocities ("NAME velocity"), activations ("NAME activation").
 
     Free and ball joints have several coordinates: "NAME.x", "NAME.y", "NAME.z" [m] and "NAME.rx", "NAME.ry", "NAME.rz" [rad].
     """
@@ -147,7 +144,21 @@ def state_channels(model: mujoco.MjModel) -> tuple[Channel, ...]:
         name, count = element_name(model, "actuator", actuator), int(model.actuator_actnum[actuator])
         suffixes = [""] if count == 1 else [f"[{i}]" for i in range(count)]
         activations += [(f"{name} activation{suffix}", "1") for suffix in suffixes]
-    return tuple(Channel(name, unit, i) for i, (name, unit) in enumerate([*positions, *velocities, *activations]))
+    named = [*positions, *velocities, *activations]
+    return Channels([name for name, _ in named], [unit for _, unit in named])
+
+
+def dropped_states(coordinates: Channels, names: Sequence[str]) -> tuple[str, ...]:
+    """The names to drop, in the order of the coordinates. Raises PlantError for unknown names, or where none would be left."""
+    if isinstance(names, str):
+        raise PlantError(f'expected a list of states to drop such as ["name"], got {names!r}')
+    known = coordinates.names
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise PlantError(f"there is no state {listed(map(repr, unknown))} to drop; the states are: {listed(known)}")
+    if set(names) == set(known):
+        raise PlantError(f"all states are dropped: {listed(known)}; keep those that the outputs depend on")
+    return tuple(name for name in known if name in names)
 
 
 def _joint_coordinates(model: mujoco.MjModel, joint: int) -> list[tuple[str, str]]:

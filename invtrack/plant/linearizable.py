@@ -55,11 +55,11 @@ def refuse_saturation(plant: Plant, model: mujoco.MjModel) -> None:
     """Refuse controls and activations at or beyond their limits, where MuJoCo clamps them and derivatives vanish."""
     ctrl, act = plant.configuration.ctrl, plant.configuration.act
     clamped = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
-    for channel in plant.inputs:
-        low, high = model.actuator_ctrlrange[channel.address]
-        if clamped and model.actuator_ctrllimited[channel.address] and not low < ctrl[channel.address] < high:
+    for name, address in zip(plant.inputs.names, plant.input_addresses, strict=True):
+        low, high = model.actuator_ctrlrange[address]
+        if clamped and model.actuator_ctrllimited[address] and not low < ctrl[address] < high:
             raise PlantError(
-                f"input {channel.name!r} is {ctrl[channel.address]} at the operating point, at or beyond its ctrlrange"
+                f"input {name!r} is {ctrl[address]} at the operating point, at or beyond its ctrlrange"
                 f" [{low}, {high}], where it is clamped; widen the range or choose another operating point"
             )
     for i in np.flatnonzero(model.actuator_actlimited):
@@ -77,7 +77,7 @@ def refuse_nonequilibrium(plant: Plant, data: mujoco.MjData, tolerance: float) -
     residual, states = np.concatenate([data.qvel, data.qacc, data.act_dot]), plant.coordinates
     offending = [i for i in np.argsort(-np.abs(residual)) if not abs(residual[i]) <= tolerance]
     if offending:
-        rates = ", ".join(f"{states[i].name}: {residual[i]:.6g} {states[i].unit} per s" for i in offending[:5])
+        rates = ", ".join(f"{states.names[i]}: {residual[i]:.6g} {states.units[i]} per s" for i in offending[:5])
         raise PlantError(
             f"the operating point is no equilibrium: its state changes at the rate {rates}"
             f"{' and more' if len(offending) > 5 else ''} (tolerance {tolerance:g}). Choose the controls and positions that hold it"
@@ -117,10 +117,10 @@ def refuse_acting(plant: Plant, jacobian: Array, error: Array, rows: list[str]) 
     scale = np.maximum(1.0, np.max(np.abs(jacobian), axis=1, keepdims=True))
     acts = np.abs(jacobian) > np.maximum(LARGEST_ACTION * scale, error)
     found = []
-    for channel in plant.coordinates:
-        if channel.name in plant.dropped and np.any(acts[:, channel.address]):
-            targets = dict.fromkeys(rows[row] for row in np.flatnonzero(acts[:, channel.address]))  # an output may be measured too
-            found.append(f"{channel.name!r} acts on {listed(targets)}")
+    for i, name in enumerate(plant.coordinates.names):
+        if name in plant.dropped and np.any(acts[:, i]):
+            targets = dict.fromkeys(rows[row] for row in np.flatnonzero(acts[:, i]))  # an output may be measured too
+            found.append(f"{name!r} acts on {listed(targets)}")
     if found:
         raise PlantError(
             f"plant {plant.name!r} drops states that act on what is kept: {'; '.join(found)}. Take them out of drop_states, or drop"

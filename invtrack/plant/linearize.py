@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -85,7 +85,8 @@ def linearize(
     step: the smallest perturbation of each state and input: in radians; in metres (for mechanisms smaller than a metre in units of
     their extent); the same per second for velocities; in the unit of each control (times its size at the operating point where that
     exceeds 1). It is rounded to a power of two, and reduced within narrow ctrlrange and actrange. equilibrium_tolerance: largest
-    rate x' at the operating point, in SI units. parameter_values: named parameters that differ from the file.
+    rate x' at the operating point, in SI units. parameter_values: named parameters that differ from the file. The model carries the
+    plant's names and units, and in `parameters` the values of all named parameters for which it holds.
 
     Raises PlantError for unequal numbers of inputs and outputs, an operating point that is no equilibrium (unless
     allow_nonequilibrium: its rate is then left out), active constraints, saturated controls, spinning ball or free joints, kinks,
@@ -93,8 +94,8 @@ def linearize(
     """
     if len(plant.inputs) != len(plant.outputs):
         raise PlantError(
-            f"inversion needs as many outputs as inputs, got {len(plant.outputs)} ({', '.join(plant.output_names)}) for"
-            f" {len(plant.inputs)} ({', '.join(plant.input_names)}); choose the outputs that are to follow the trajectory"
+            f"inversion needs as many outputs as inputs, got {len(plant.outputs)} ({', '.join(plant.outputs.names)}) for"
+            f" {len(plant.inputs)} ({', '.join(plant.inputs.names)}); choose the outputs that are to follow the trajectory"
         )
     reserved = sorted(_OPTIONS & set(plant.parameters))
     if reserved:
@@ -113,7 +114,7 @@ def linearize(
     with plant.forces(model):
         derivative = differentiate(_Dynamics(plant, model, data), _steps(plant, model, step))
     _check(plant, derivative)
-    return _assemble(plant, point, measured, derivative)
+    return _assemble(plant, point, measured, {**plant.parameter_values, **parameter_values}, derivative)
 
 
 class _Dynamics:
@@ -149,9 +150,9 @@ def _steps(plant: Plant, model: mujoco.MjModel, step: float) -> Array:
         room[where] = _room(act[where], model.actuator_actrange[i])
     activations = np.minimum(step * np.maximum(1.0, np.abs(act)), room)
     controls = []
-    for channel in plant.inputs:
-        u0, limited = ctrl[channel.address], model.actuator_ctrllimited[channel.address]
-        u_room = _room(u0, model.actuator_ctrlrange[channel.address]) if limited else np.inf
+    for address in plant.input_addresses:
+        u0, limited = ctrl[address], model.actuator_ctrllimited[address]
+        u_room = _room(u0, model.actuator_ctrlrange[address]) if limited else np.inf
         controls.append(np.minimum(step * max(1.0, abs(u0)), u_room))
     steps = np.concatenate([step * positions, step * positions, activations, controls])
     return np.asarray(2.0 ** np.floor(np.log2(steps)))
@@ -177,31 +178,34 @@ def _room(value: Array, limits: Array) -> Array:
 
 def _check(plant: Plant, derivative: Derivative) -> None:
     nv = plant.model.nv
-    rows = [f"the rate of {name!r}" for name in plant.coordinate_names[nv:]] + [f"output {name!r}" for name in plant.output_names]
-    rows += [f"measurement {name!r}" for name in plant.measurement_names]
-    columns = [repr(name) for name in (*plant.coordinate_names, *plant.input_names)]
+    rows = [f"the rate of {name!r}" for name in plant.coordinates.names[nv:]] + [f"output {name!r}" for name in plant.outputs.names]
+    rows += [f"measurement {name!r}" for name in plant.measurements.names]
+    columns = [repr(name) for name in (*plant.coordinates.names, *plant.inputs.names)]
     refuse_kinks(plant, derivative.jacobian, derivative.jump, rows, columns)
 
 
-def _assemble(plant: Plant, point: OperatingPoint, measured: Array, derivative: Derivative) -> StateSpace:
+def _assemble(
+    plant: Plant, point: OperatingPoint, measured: Array, parameters: Mapping[str, float], derivative: Derivative
+) -> StateSpace:
     nv, n, p = plant.model.nv, len(plant.coordinates), len(plant.inputs)
     velocity_rows = np.zeros((nv, n + p))
     velocity_rows[:, nv : 2 * nv] = np.eye(nv)
     jacobian, error = np.vstack([velocity_rows, derivative.jacobian]), np.vstack([np.zeros((nv, n + p)), derivative.error])
     kept_rows = np.concatenate([plant.state_addresses, np.arange(n, len(jacobian))])
     jacobian, error = jacobian[kept_rows], error[kept_rows]
-    rows = [repr(name) for name in (*plant.state_names, *plant.output_names, *plant.measurement_names)]
+    rows = [repr(name) for name in (*plant.states.names, *plant.outputs.names, *plant.measurements.names)]
     refuse_acting(plant, jacobian[:, :n], error[:, :n], rows)
     kept_columns, n = np.concatenate([plant.state_addresses, np.arange(n, n + p)]), plant.n_states
     value, largest = _blocks(jacobian[:, kept_columns], n, p), _blocks(error[:, kept_columns], n, p)
     C_m, D_m = np.split(jacobian[n + p :, kept_columns], [n], axis=1)
     return StateSpace(
         **value,
-        state_names=plant.state_names,
-        input_names=plant.input_names,
-        output_names=plant.output_names,
+        states=plant.states,
+        inputs=plant.inputs,
+        outputs=plant.outputs,
         operating_point=point,
-        measurement=Measurement(C_m, D_m, plant.measurement_names, measured),
+        measurement=Measurement(C_m, D_m, plant.measurements, measured),
+        parameters=parameters,
         error_estimates={name: float(np.max(block)) for name, block in largest.items()},
     )
 

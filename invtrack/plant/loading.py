@@ -8,8 +8,7 @@ from pathlib import Path
 import mujoco
 
 from invtrack.errors import PlantError
-from invtrack.plant.callbacks import callbacks_suspended
-from invtrack.plant.couplings import require_known_elements
+from invtrack.plant.couplings import callbacks_suspended, require_known_elements
 from invtrack.plant.elements import add_output_sensors, element_name, listed
 
 

@@ -1,14 +1,16 @@
-"""Named physical parameters: what a name such as `tip_mass` changes in a MuJoCo model."""
+"""Named physical parameters, what each changes in MuJoCo, and changes of them in mid-run."""
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import mujoco
 import numpy as np
 
-from invtrack.errors import PlantError
+from invtrack.errors import PlantError, SimulationError
 from invtrack.plant.elements import element_id
 
 
@@ -184,3 +186,32 @@ def _slides(model: mujoco.MjModel, joint: str) -> bool:
 def _refuse_springdamper(spec: mujoco.MjSpec, joint: str) -> None:
     if np.any(spec.joint(joint).springdamper):
         raise PlantError(f"joint {joint!r} has its spring and damper from `springdamper`; give stiffness and damping in the file")
+
+
+class Change:
+    """At `time` [s] the named parameters take new values, as in Change(3.0, tip_mass=100.0); the state is continuous."""
+
+    def __init__(self, time: float, **parameters: float) -> None:
+        if not np.isfinite(time):
+            raise SimulationError(f"a change needs a finite time, got {time}")
+        if not parameters:
+            raise SimulationError(
+                f"the change at t = {time} s names no parameter; write for instance Change({time}, tip_mass=100.0)"
+            )
+        self.time = float(time)
+        self.parameters = {name: float(value) for name, value in parameters.items()}
+
+    def __repr__(self) -> str:
+        return f"Change({self.time}, {', '.join(f'{k}={v}' for k, v in self.parameters.items())})"
+
+
+def ordered(schedule: Sequence[Change]) -> list[Change]:
+    """The changes in the order of their times. Raises SimulationError where two happen at once."""
+    strange = [change for change in schedule if not isinstance(change, Change)]
+    if strange:
+        raise SimulationError(f"the schedule holds {strange[0]!r}; expected changes such as invtrack.Change(3.0, tip_mass=100.0)")
+    result = sorted(schedule, key=lambda change: change.time)
+    for first, second in itertools.pairwise(result):
+        if first.time == second.time:
+            raise SimulationError(f"two changes at t = {first.time} s; name all parameters in one Change")
+    return result

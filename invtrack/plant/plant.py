@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
 
@@ -14,21 +15,28 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import OperatingPoint
-from invtrack.plant.callbacks import mujoco_callbacks
 from invtrack.plant.configuration import Configuration, state_of
-from invtrack.plant.couplings import VelocityCoupling, velocity_couplings
-from invtrack.plant.elements import control_limits, input_channels, listed, output_channels, state_channels
+from invtrack.plant.couplings import VelocityCoupling, mujoco_callbacks, velocity_couplings
+from invtrack.plant.elements import (
+    Addresses,
+    control_limits,
+    coordinate_channels,
+    dropped_states,
+    input_channels,
+    listed,
+    output_channels,
+)
 from invtrack.plant.loading import compile_spec, load_model
-from invtrack.plant.named_channels import NamedChannels, dropped_states, with_units
 from invtrack.plant.parameters import Parameter
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Plant(NamedChannels):
+class Plant:
     """A MuJoCo model seen as a system with inputs u = data.ctrl, outputs y = data.sensordata, and named physical parameters.
 
     The state is x = (tangent of qpos, qvel, act), each as deviation from the operating point; n = 2 nv + na (see
@@ -36,17 +44,29 @@ class Plant(NamedChannels):
     operating point.
 
     path: the MJCF file. model: the model compiled with the file's parameter values (make a copy with `model_with` before changing
-    anything in it). spec: what it was compiled from. configuration: the operating point in MuJoCo's coordinates. parameters: what
-    each named parameter changes. couplings: forces linear in velocity that the file carries (see `invtrack.plant.couplings`) and
-    MuJoCo applies only within `forces`, in which everything that invtrack computes from the plant takes place.
+    anything in it). spec: what it was compiled from. configuration: the operating point in MuJoCo's coordinates.
+
+    inputs, outputs, measurements: names and units, and their addresses in data.ctrl and data.sensordata. coordinates: all 2 nv + na
+    of the tangent space, positions before velocities before activations; dropped: names of those that are not among the states.
+    parameters: what each named parameter changes; parameter_channels: their names and units. couplings: forces linear in velocity
+    that the file carries (see `invtrack.plant.couplings`) and MuJoCo applies only within `forces`, in which everything that
+    invtrack computes from the plant takes place.
     """
 
     path: Path
     model: mujoco.MjModel
     spec: mujoco.MjSpec = field(repr=False)
     configuration: Configuration = field(repr=False)
+    inputs: Channels
+    outputs: Channels
+    measurements: Channels
+    coordinates: Channels = field(repr=False)
+    input_addresses: Addresses = field(repr=False)
+    output_addresses: Addresses = field(repr=False)
+    measurement_addresses: Addresses = field(repr=False)
+    dropped: tuple[str, ...]
     parameters: Mapping[str, Parameter]
-    parameter_units: Mapping[str, str] = field(repr=False)
+    parameter_channels: Channels = field(repr=False)
     couplings: tuple[VelocityCoupling, ...] = ()
 
     @classmethod
@@ -83,22 +103,28 @@ class Plant(NamedChannels):
             if not name.isidentifier():
                 raise PlantError(f"parameter {name!r} cannot be written as a keyword; use letters, digits and underscores")
             parameter.read(model)  # raises where it names nothing in this model
-        plant = cls(
+        (u, input_addresses), (y, output_addresses) = input_channels(model, inputs), output_channels(model, outputs)
+        y_m, measurement_addresses = output_channels(model, measurements)
+        coordinates = coordinate_channels(model)
+        channels = Channels(tuple(parameters), [parameter.unit(model) for parameter in parameters.values()])
+        _require_known(units, (u, y, y_m, coordinates, channels))
+        return cls(
             path=path,
             model=model,
             spec=spec,
             configuration=Configuration.of_model(model, keyframe),
-            inputs=with_units(input_channels(model, inputs), units),
-            outputs=with_units(output_channels(model, outputs), units),
-            measurements=with_units(output_channels(model, measurements), units),
-            coordinates=with_units(state_channels(model), units),
-            dropped=dropped_states(state_channels(model), drop_states),
+            inputs=u.with_units(units),
+            outputs=y.with_units(units),
+            measurements=y_m.with_units(units),
+            coordinates=coordinates.with_units(units),
+            input_addresses=input_addresses,
+            output_addresses=output_addresses,
+            measurement_addresses=measurement_addresses,
+            dropped=dropped_states(coordinates, drop_states),
             parameters=MappingProxyType(parameters),
-            parameter_units=MappingProxyType({name: units.get(name, known.unit(model)) for name, known in parameters.items()}),
+            parameter_channels=channels.with_units(units),
             couplings=velocity_couplings(model),
         )
-        plant.require_known(units, besides=parameters)
-        return plant
 
     def at(
         self,
@@ -120,6 +146,21 @@ class Plant(NamedChannels):
     def name(self) -> str:
         """The model's name in its file."""
         return str(self.spec.modelname)
+
+    @cached_property
+    def states(self) -> Channels:
+        """The coordinates that are kept."""
+        return self.coordinates.subset([name for name in self.coordinates.names if name not in self.dropped])
+
+    @cached_property
+    def state_addresses(self) -> Addresses:
+        """Where the states stand among all coordinates, (n,)."""
+        return np.array([self.coordinates.index(name) for name in self.states.names], dtype=np.intp)
+
+    @property
+    def n_states(self) -> int:
+        """Number of states n: 2 nv + na, less those that are dropped."""
+        return len(self.states)
 
     @property
     def input_limits(self) -> Array:
@@ -166,7 +207,7 @@ class Plant(NamedChannels):
                 mujoco.mj_step(model, data)
 
         The block holds for this model object alone, not for copies of it; blocks for several models and plants may be nested. It
-        works through MuJoCo's passive callback (see `invtrack.plant.callbacks`), of which a model has one at a time. A plant
+        works through MuJoCo's passive callback (see `invtrack.plant.couplings`), of which a model has one at a time. A plant
         without couplings installs none.
 
         Raises PlantError for a model that did not come from this plant.
@@ -188,6 +229,15 @@ class Plant(NamedChannels):
     def state(self, data: mujoco.MjData) -> Array:
         """The state x (n,) of the data, as deviation from the operating point."""
         return state_of(self.model, self.configuration.x0, data.qpos, data.qvel, data.act)[self.state_addresses]
+
+    def coordinates_of(self, x: ArrayLike) -> Array:
+        """All coordinates (2 nv + na,) of the state x (n,); what is dropped is at the operating point. Raises PlantError."""
+        x = np.array(x, dtype=float)
+        if x.shape != (self.n_states,):
+            raise PlantError(f"x has shape {x.shape}, expected ({self.n_states},): {listed(self.states.names)}")
+        coordinates = np.zeros(len(self.coordinates))
+        coordinates[self.state_addresses] = x
+        return coordinates
 
     def model_with(self, values: Mapping[str, float] | None = None) -> mujoco.MjModel:
         """A fresh copy of the model with named parameters set; the others as in the file. Raises PlantError like `apply`."""
@@ -230,4 +280,13 @@ class Plant(NamedChannels):
             if name not in self.parameters:
                 raise PlantError(f"plant {self.name!r} has no parameter {name!r}; there are: {listed(self.parameters)}")
             if not math.isfinite(value) or value < 0:
-                raise PlantError(f"parameter {name!r} must be finite and not negative [{self.parameter_units[name]}], got {value}")
+                unit = self.parameter_channels.units[self.parameter_channels.index(name)]
+                raise PlantError(f"parameter {name!r} must be finite and not negative [{unit}], got {value}")
+
+
+def _require_known(units: Iterable[str], groups: Iterable[Channels]) -> None:
+    """Refuse, with the names there are, units given for what is no channel and no parameter."""
+    known = {name for channels in groups for name in channels.names}
+    unknown = sorted(set(units) - known)
+    if unknown:
+        raise PlantError(f"units are given for {listed(unknown)}; the channels and parameters are: {listed(sorted(known))}")

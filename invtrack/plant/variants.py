@@ -25,9 +25,9 @@ def with_input_limits(plant: Plant, limits: Mapping[str, ArrayLike]) -> Plant:
 
     Raises PlantError for inputs that there are not, limits that are not finite or not in order, and a model that disables clamping.
     """
-    unknown = [name for name in limits if name not in plant.input_names]
+    unknown = [name for name in limits if name not in plant.inputs]
     if unknown:
-        raise PlantError(f"limits are given for {listed(unknown)}; the plant's inputs are: {listed(plant.input_names)}")
+        raise PlantError(f"limits are given for {listed(unknown)}; the plant's inputs are: {listed(plant.inputs.names)}")
     model, spec = copy.copy(plant.model), plant.spec.copy()
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL:
         raise PlantError(f"plant {plant.name!r} disables the clamping of controls, so limits would do nothing; remove that flag")
@@ -41,7 +41,7 @@ def with_input_limits(plant: Plant, limits: Mapping[str, ArrayLike]) -> Plant:
         low, high = (-bounds, bounds) if bounds.ndim == 0 else bounds
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
             raise PlantError(f"limits of input {name!r} must be finite, the lowest before the highest, got {bounds.tolist()}")
-        address = plant.inputs[plant.input_names.index(name)].address
+        address = plant.input_addresses[plant.inputs.index(name)]
         model.actuator_ctrllimited[address], model.actuator_ctrlrange[address] = True, (low, high)
         actuator.ctrllimited, actuator.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, (low, high)
     return replace(plant, model=model, spec=spec)

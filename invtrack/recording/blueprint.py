@@ -111,7 +111,7 @@ def _outputs(runs: Sequence[RunResult], interval: tuple[float, float], *, shared
                 paths.append(unit_path(run.name, "reference", unit))
             if shared or not _same(run.planned_output, run.reference):
                 paths.append(unit_path(run.name, "planned_output", unit))
-            if shared or unit in run.measured.units:
+            if shared or unit in run.measured.channels.units:
                 paths.append(unit_path(run.name, "measured", unit))
         paths += _event_lines(runs[0], "output", unit)
         views.append(_plot(f"Output and reference [{unit}]", paths, interval))
@@ -146,7 +146,7 @@ def _states(run: RunResult, interval: tuple[float, float], *, several: bool, sha
     for unit, channels in channels_by_unit(run.state).items():
         wanted = run.state_reference.values[:, channels]
         names = ["state", "state_reference"] if shared or np.any(np.isfinite(wanted)) else ["state"]
-        names += ["estimate"] if shared or run.estimate.names else []
+        names += ["estimate"] if shared or run.estimate.channels else []
         views.append(_plot(f"{title} [{unit}]", [unit_path(run.name, name, unit) for name in names], interval))
     return views
 
@@ -184,7 +184,7 @@ def _event_lines(run: RunResult, signal: str, unit: str) -> list[str]:
 
 
 def _units(runs: Sequence[RunResult], signal: str) -> list[str]:
-    return list(dict.fromkeys(unit for run in runs for unit in getattr(run, signal).units))
+    return list(dict.fromkeys(unit for run in runs for unit in getattr(run, signal).channels.units))
 
 
 def _same(one: Signal, other: Signal) -> bool:

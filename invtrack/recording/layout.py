@@ -54,7 +54,7 @@ def unit_path(case: str, signal: str, unit: str) -> str:
 def channels_by_unit(signal: Signal) -> dict[str, list[int]]:
     """Column numbers of a signal grouped by unit, in order of appearance: an axis of a plot can carry one unit only."""
     groups: dict[str, list[int]] = {}
-    for column, unit in enumerate(signal.units):
+    for column, unit in enumerate(signal.channels.units):
         groups.setdefault(unit, []).append(column)
     return groups
 

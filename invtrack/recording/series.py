@@ -64,7 +64,7 @@ def _send_signal(
     for unit, channels in channels_by_unit(signal).items():
         path = unit_path(result.name, name, unit)
         send_rows(recording, path, indexes, signal.values[:, channels])
-        labels = [f"{prefix}{LABELS[name].format(signal.names[channel])} [{unit}]" for channel in channels]
+        labels = [f"{prefix}{LABELS[name].format(signal.channels.names[channel])} [{unit}]" for channel in channels]
         _label(recording, path, labels, _colors(name, number, len(channels)), width=_width(name), holds=holds)
 
 
@@ -73,7 +73,7 @@ def _send_error(recording: rr.RecordingStream, result: RunResult, number: int, p
     error, output = tracking_error(result), result.output
     indexes = time_columns(np.arange(error.shape[0]), result.time[: error.shape[0]])
     for unit, channels in channels_by_unit(output).items():
-        names = [output.names[channel] for channel in channels]
+        names = [output.channels.names[channel] for channel in channels]
         colors = _colors("error", number, len(channels))
         path = unit_path(result.name, "error", unit)
         send_rows(recording, path, indexes, error[:, channels])
@@ -113,10 +113,10 @@ def send_events(recording: rr.RecordingStream, result: RunResult, *, prefix: str
         recording=recording,
         strict=True,
     )
-    log_error = Signal(log10_error(result), result.output.names, result.output.units)
+    log_error = Signal(log10_error(result), result.output.channels)
     for name, signals in (
         ("output", (result.output, result.reference)),
-        ("error", (Signal(tracking_error(result), result.output.names, result.output.units),)),
+        ("error", (Signal(tracking_error(result), result.output.channels),)),
         ("log10_error", (log_error,)),
         ("applied", (result.applied, result.commanded)),
     ):

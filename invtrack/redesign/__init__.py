@@ -1,0 +1,29 @@
+"""Output redesign: the motion that trades tracking for input and vibration, also within hard limits."""
+
+from invtrack.redesign.constrained import ConstrainedTrajectory, constrained_redesign
+from invtrack.redesign.cost import cost
+from invtrack.redesign.limited.limit_check import ActiveLimit
+from invtrack.redesign.limits import Limits, StateLimit
+from invtrack.redesign.pareto import Outcome, TradeOff, outcome, pareto_sweep
+from invtrack.redesign.prefilter.frequency_response import FrequencyResponse
+from invtrack.redesign.prefilter.prefilter import ImpulseResponse, Prefilter, PrefilteredTrajectory, prefilter
+from invtrack.redesign.quadratic import quadratic_redesign
+
+__all__ = [
+    "ActiveLimit",
+    "ConstrainedTrajectory",
+    "FrequencyResponse",
+    "ImpulseResponse",
+    "Limits",
+    "Outcome",
+    "Prefilter",
+    "PrefilteredTrajectory",
+    "StateLimit",
+    "TradeOff",
+    "constrained_redesign",
+    "cost",
+    "outcome",
+    "pareto_sweep",
+    "prefilter",
+    "quadratic_redesign",
+]

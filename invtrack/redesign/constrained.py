@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import require_duration
 from invtrack.errors import RedesignError
-from invtrack.linear.switched import as_switched
-from invtrack.plans.certificate import certify
-from invtrack.plans.ends import actuation_times
 from invtrack.plans.plan import Plan
-from invtrack.plans.problem import deviation_reference
-from invtrack.redesign.limited.first_window import LimitedProblem
+from invtrack.plans.tail import Tail
 from invtrack.redesign.limited.limit_check import ActiveLimit, active_limits
-from invtrack.redesign.limited.tails import Tail, tails_of
-from invtrack.redesign.limited.window import KEPT, LimitedSolution, free_excess, solve_limited
+from invtrack.redesign.limited.window import KEPT, LimitedProblem, free_excess, solve_limited
 from invtrack.redesign.limits import Bound, Limits, bounds_of
-from invtrack.redesign.quadratic import ACCURACY, quadratic_redesign
-from invtrack.redesign.weights import as_weights
+from invtrack.redesign.quadratic import free_optimum
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -34,10 +29,13 @@ LEAST_MARGIN = 1e-6
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ConstrainedTrajectory(Plan):
-    """A plan with limits. active: the limits that it touches, and when. step [s]: longest over which the input is linear.
+    """A plan with limits.
 
-    overshoot: largest excess of any limit anywhere, as a share of the limit's size; zero where all are kept. Where no limit is
-    active, step is zero: the plan is the optimum without limits, in closed form.
+    Args:
+        active: the limits that it touches, and when.
+        overshoot: largest excess of any limit anywhere, as a share of the limit's size; zero where all are kept.
+        step: longest time over which the input is linear [s]. Zero where no limit is active: the plan is then the optimum without
+            limits, in closed form.
     """
 
     active: tuple[ActiveLimit, ...] = field(default=())
@@ -71,90 +69,49 @@ def constrained_redesign(
     As `step` goes to zero the plan tends to the optimum among all inputs, its cost and its input with an error of order step^2 away
     from the instants at which a limit begins or ceases to act.
 
-    model, reference, R, Q_x, Q_y, tolerance, max_preactuation: as in `quadratic_redesign`. step [s]: by default such that linear
-    interpolation of the optimal input without limits misses it by 1e-5 of its peak (up to 1e-3 where that takes many steps).
+    Args:
+        model: StateSpace, SwitchedSystem, or anything with A, B, C, D.
+        reference: wanted outputs, absolute, in their units, held still before and after the manoeuvre.
+        R: weight of the inputs (p, p), positive definite; a number stands for that multiple of the identity, here and below.
+        Q_x: weight of the states (n, n), positive semidefinite.
+        Q_y: weight of the output errors (p, p), positive semidefinite.
+        limits: what the plan must never exceed.
+        step: longest time over which the input is linear [s]; by default such that linear interpolation of the optimal input
+            without limits misses it by 1e-5 of its peak (up to 1e-3 where that takes many steps).
+        tolerance: share of its peak below which what is left of the plan before its start and after its end counts as rest.
+        max_preactuation: longest time before the manoeuvre at which the plan may start [s]; None: as long as the tolerance asks.
 
     Raises what `quadratic_redesign` does, and RedesignError for limits that make no sense, that the plan at rest before or after
     the manoeuvre does not keep, or that cannot be kept all at once: which conflict and how far one has to give way.
     Method: dual-mode quadratic programming (P. Scokaert, J. Rawlings, "Constrained linear quadratic regulation", IEEE Trans.
     Automatic Control 43(8), 1998), in continuous time and at both ends.
     """
-    if step is not None and not (np.isfinite(step) and step > 0):
-        raise RedesignError(f"step must be a positive number of seconds, got {step}")
-    plant = as_switched(model)
-    bounds = bounds_of(limits, plant.systems[0])
-    free = quadratic_redesign(plant, reference, R=R, Q_x=Q_x, Q_y=Q_y, tolerance=tolerance, max_preactuation=max_preactuation)
-    weights = as_weights(plant, R=R, Q_x=Q_x, Q_y=Q_y)
-    (before, v_before), (after, v_after) = tails_of(free.trajectory, weights)
-    _require_rest_within((before, after), bounds)
-    deviation = deviation_reference(plant, reference)
-    problem = LimitedProblem(plant, deviation, weights, bounds, free.trajectory, (before, after), (v_before, v_after))
+    if step is not None:
+        require_duration("step", step, error=RedesignError)
+    free = free_optimum(model, reference, R=R, Q_x=Q_x, Q_y=Q_y, tolerance=tolerance, max_preactuation=max_preactuation)
+    problem = LimitedProblem(free, bounds_of(limits, free.problem.plant))
+    _require_rest_within(problem.tails, problem.bounds)
     if free_excess(problem) <= KEPT:
-        return _unlimited(free)
+        remark = "no limit is active: this is the optimum without limits"
+        return free.problem.plan(METHOD, free.trajectory, exact=False, remarks=(remark,), kind=ConstrainedTrajectory)
     solution = solve_limited(problem, step)
-    return _plan(problem, solution, reference, tolerance, max_preactuation)
-
-
-def _unlimited(free: Plan) -> ConstrainedTrajectory:
-    inherited = {each.name: getattr(free, each.name) for each in fields(Plan)}
-    remarks = (*free.remarks, "no limit is active: this is the optimum without limits")
-    return ConstrainedTrajectory(**{**inherited, "method": METHOD, "remarks": remarks})
-
-
-def _plan(
-    problem: LimitedProblem, solution: LimitedSolution, reference: PiecewiseSignal, tolerance: float, limit: float | None
-) -> ConstrainedTrajectory:
-    """The solution with its ends, its certificate and what a user should know."""
-    trajectory, manoeuvre = solution.trajectory, problem.reference.manoeuvre
-    preactuation, postactuation, remarks = _actuation_times(problem, solution, tolerance, limit)
-    span = (manoeuvre[0] - preactuation, manoeuvre[1] + postactuation)
-    certificate = certify(problem.plant, trajectory, problem.reference, span)
-    worst = max(certificate.dynamics_residual, certificate.continuity)
-    if not worst <= ACCURACY:
-        raise RedesignError(
-            "the limited redesign is too ill-conditioned to be trusted: the plan misses the plant's equations by "
-            f"{worst:.1e} of its size ({certificate}); take a larger step, or bring weights and units closer to each other"
-        )
-    active = active_limits(trajectory, problem.bounds)
-    steps = len(trajectory.breakpoints) - 1
-    return ConstrainedTrajectory(
-        method=METHOD,
-        model=problem.plant,
-        reference=reference,
-        trajectory=trajectory,
-        manoeuvre=manoeuvre,
-        preactuation=preactuation,
-        postactuation=postactuation,
-        tolerance=tolerance,
-        certificate=certificate,
-        remarks=(
-            *remarks,
-            f"the input is linear in time over {steps} steps of up to {solution.step:.4g} s",
-            *map(str, active),
-            *([f"a limit is exceeded by {solution.overshoot:.1e} of it between steps"] if solution.overshoot > KEPT else []),
-        ),
+    active = active_limits(solution.trajectory, problem.bounds)
+    steps = len(solution.trajectory.breakpoints) - 1
+    remarks = (
+        f"the input is linear in time over {steps} steps of up to {solution.step:.4g} s",
+        *map(str, active),
+        *([f"a limit is exceeded by {solution.overshoot:.1e} of it between steps"] if solution.overshoot > KEPT else []),
+    )
+    return free.problem.plan(
+        METHOD,
+        solution.trajectory,
+        exact=False,
+        remarks=remarks,
+        kind=ConstrainedTrajectory,
         active=active,
         overshoot=solution.overshoot,
         step=solution.step,
     )
-
-
-def _actuation_times(
-    problem: LimitedProblem, solution: LimitedSolution, tolerance: float, limit: float | None
-) -> tuple[float, float, tuple[str, ...]]:
-    """How long [s] before and after the manoeuvre the plan is away from rest; the window counts as away throughout."""
-    trajectory, (start, end) = solution.trajectory, problem.reference.manoeuvre
-    edges = trajectory.breakpoints
-    departures = tuple(tail.departure(v) for tail, v in zip(problem.tails, solution.v, strict=True))
-    before, after, _ = actuation_times(trajectory, (departures[0], departures[1]), tolerance, None)
-    preactuation, postactuation = start - edges[0] + before, edges[-1] - end + after
-    if limit is None or preactuation <= limit:
-        return preactuation, postactuation, ()
-    at = np.concatenate([[start - limit], edges])
-    values = np.abs(trajectory(at, trajectory.locate(at)) - np.outer(at < start, problem.tails[0].held))
-    peak = np.max(values, axis=0)
-    share = float(np.max(values[0] / np.where(peak > 0, peak, 1.0)))
-    return limit, postactuation, (f"preactuation limited to {limit} s: the plan starts {share:.1e} of its peak away from rest",)
 
 
 def _require_rest_within(tails: tuple[Tail, Tail], bounds: Sequence[Bound]) -> None:

@@ -1,17 +1,39 @@
-"""What a planned trajectory costs, by quadrature of its values alone."""
+"""What a plan costs: the weights, and the cost by quadrature of a plan's values alone."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import SEMIDEFINITE_TOLERANCE, hermitian_weight, real_weight, smallest_eigenvalue
+from invtrack.errors import RedesignError
+from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
-from invtrack.redesign.holding import ROUNDING
-from invtrack.redesign.weights import Weights, as_weights
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+Matrices = TypeVar("Matrices", Array, ComplexArray)
+
+WeightLike = ArrayLike | Callable[[float], ArrayLike]
+"""A number, a matrix, or a function of the frequency [rad/s] with such values."""
+
+CONJUGATE_TOLERANCE = 1e-9
+"""Largest departure from W(-w) = conj W(w), as a share of the weight's norm."""
+
+FREE_HOLDING = 1e-12
+"""Holding an output counts as free where it costs less per second than this share of what not moving there at all would cost."""
+
+ROUNDING = 1e-12
+"""A cost per second below this share of the terms that it is the sum of is what is left where they cancel."""
+
+AT_REST = 1e-12
+"""A held value this close to the operating point's output, as a share of the reference's size, is off it by rounding only."""
 
 CONVERGED = 1e-12
 """A panel is halved until that changes its part of the integral by no more than this share of the whole."""
@@ -21,7 +43,122 @@ NODES, NODE_WEIGHTS = np.polynomial.legendre.leggauss(10)
 MOST_PANELS = 2**17
 """Panels that are halved at once, at most."""
 
-AT_REST = 1e-12
+
+@dataclass(frozen=True, eq=False)
+class Weights:
+    """u'R u + x'Q_x x + (y - y_d)'Q_y (y - y_d): R (p, p), Q_x (n, n), Q_y (p, p), symmetric and positive semidefinite."""
+
+    R: Array
+    Q_x: Array
+    Q_y: Array
+
+    def rate(self, x: Array, u: Array, error: Array) -> Array:
+        """Cost per second (m,) of states (m, n), inputs (m, p) and output errors (m, p), all as deviations."""
+        pairs = ((u, self.R), (x, self.Q_x), (error, self.Q_y))
+        return np.asarray(sum(np.einsum("mi,ij,mj->m", value, weight, value) for value, weight in pairs))
+
+    def terms(self, x: Array, u: Array, error: Array) -> Array:
+        """Sum of the sizes of the terms that `rate` adds up, (m,): what its rounding is measured against."""
+        pairs = ((u, self.R), (x, self.Q_x), (error, self.Q_y))
+        return np.asarray(sum(np.einsum("mi,ij,mj->m", *map(np.abs, (value, weight, value))) for value, weight in pairs))
+
+    def input_weight(self, D: Array) -> Array:
+        """R + D'Q_y D (p, p): everything in the cost that is quadratic in the input itself."""
+        return np.asarray(self.R + D.T @ self.Q_y @ D)
+
+
+def as_weights(plant: SwitchedSystem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: ArrayLike) -> Weights:
+    """Weights for the states, inputs and outputs of `plant`; a number stands for that multiple of the identity.
+
+    Raises RedesignError for a weight of the wrong shape, one that is not symmetric or not positive semidefinite, or R + D'Q_y D
+    singular.
+    """
+    n, p = plant.n_states, plant.n_channels
+    weights = Weights(
+        R=real_weight("R", R, p, meaning=f"inputs {list(plant.inputs.names)}", error=RedesignError),
+        Q_x=real_weight("Q_x", Q_x, n, meaning=f"states {list(plant.states.names)}", error=RedesignError),
+        Q_y=real_weight("Q_y", Q_y, p, meaning=f"outputs {list(plant.outputs.names)}", error=RedesignError),
+    )
+    smallest = min(smallest_eigenvalue(weights.input_weight(system.D)) for system in plant.distinct)
+    if smallest <= SEMIDEFINITE_TOLERANCE:
+        raise RedesignError(
+            "R must be positive definite (with a direct feedthrough: R + D'Q_y D), its smallest eigenvalue is "
+            f"{smallest:.3g} of its size: an input that costs nothing may be unbounded; weigh every input, or, to follow the "
+            "output exactly at whatever input it takes, use invtrack.invert"
+        )
+    return weights
+
+
+def without_rounding(held: Array, reference: PiecewiseSignal, y_0: Array) -> Array:
+    """Held deviations (..., p) from the operating point's output y_0 (p,), zero where only rounding sets them apart from it.
+
+    A reference that goes there and back, channel by channel, rarely ends exactly where it began.
+    """
+    return np.where(np.abs(held) <= AT_REST * np.maximum(reference.size(0), np.abs(y_0)), 0.0, held)
+
+
+def square_root(weight: Matrices) -> Matrices:
+    """F (..., k, k) with F*F = weight, of one weight or of several at once, whatever the units of its channels."""
+    diagonal = np.abs(np.diagonal(weight, axis1=-2, axis2=-1))
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    values, vectors = np.linalg.eigh(weight / (scale[..., :, None] * scale[..., None, :]))
+    root: Matrices = np.sqrt(np.maximum(values, 0.0))[..., None] * np.swapaxes(vectors.conj(), -1, -2) * scale[..., None, :]
+    return root
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyWeight:
+    """A weight W(w) (k, k), Hermitian, positive semidefinite, W(-w) = conj W(w): a constant, or a function of w [rad/s]."""
+
+    name: str
+    size: int
+    value: Array | Callable[[float], ArrayLike]
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether the weight is the same at all frequencies."""
+        return not callable(self.value)
+
+    @property
+    def is_zero(self) -> bool:
+        """Whether the weight is a constant without any entry."""
+        return not callable(self.value) and not np.any(self.value)
+
+    def at(self, w: float) -> ComplexArray:
+        """W(w) (k, k). Raises RedesignError where it is malformed, not Hermitian or not positive semidefinite."""
+        if callable(self.value):
+            where = f" at w = {w:.6g} rad/s"
+            return hermitian_weight(self.name, self.value(w), self.size, where=where, error=RedesignError)
+        return self.value.astype(complex)
+
+    def factor(self, w: Array) -> ComplexArray:
+        """F(w) with F*F = W at frequencies w (m,), not negative: (m, k, k)."""
+        if not callable(self.value):
+            return np.broadcast_to(square_root(self.at(0.0)), (len(w), self.size, self.size))
+        if len(w) == 0:
+            return np.zeros((0, self.size, self.size), dtype=complex)
+        return square_root(np.stack([self.at(float(frequency)) for frequency in w]))
+
+
+def frequency_weight(name: str, value: WeightLike, size: int, probes: Array) -> FrequencyWeight:
+    """A weight, checked at the frequencies `probes` (m,) [rad/s]; a number stands for a multiple of the identity.
+
+    Raises RedesignError for a wrong shape, a weight that is not Hermitian positive semidefinite, a constant that is not real, or a
+    function whose values at w and -w are not conjugate (a real trajectory would then have a complex optimum).
+    """
+    if not callable(value):
+        return FrequencyWeight(name, size, real_weight(name, value, size, error=RedesignError))
+    weight = FrequencyWeight(name, size, value)
+    for w in probes:
+        here, mirrored = weight.at(float(w)), weight.at(-float(w))
+        if np.max(np.abs(mirrored - here.conj())) > CONJUGATE_TOLERANCE * np.linalg.norm(here):
+            raise RedesignError(
+                f"{name} must have conjugate values at w and -w so that the redesign is real; at w = {w:.6g} rad/s it has not "
+                "(use |w| in its formula)"
+            )
+    return weight
+
+
 """A cost per second far outside the plan of no more than this share of its peak is rounding, not a cost that goes on for ever."""
 
 

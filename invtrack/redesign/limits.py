@@ -1,4 +1,4 @@
-"""What a plan must never exceed, and the same as rows of numbers."""
+"""Hard limits of a plan, as a user states them and as rows of numbers."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import real_numbers, real_vector
 from invtrack.errors import RedesignError
-from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem
 
 Array = NDArray[np.float64]
 
@@ -55,7 +56,13 @@ class Limits:
 class Bound:
     """low <= row [x; u; y] <= high, of deviations; for an input's rate, of the derivative of [x; u; y].
 
-    row (n + 2 p,); offset: what the row is at the operating point, so that absolute limits are low + offset and high + offset.
+    Args:
+        name: what messages call it.
+        kind: an input and its rate keep their limits at every instant, a "path" of outputs or states where it is imposed.
+        row: (n + 2 p,).
+        low: smallest value, or minus infinity.
+        high: largest value, or infinity.
+        offset: the row's value at the operating point, so that absolute limits are low + offset and high + offset.
     """
 
     name: str
@@ -79,17 +86,17 @@ class Bound:
         return f"{self.name} between {low:.6g} and {high:.6g}"
 
 
-def bounds_of(limits: Limits, system: StateSpace) -> tuple[Bound, ...]:
+def bounds_of(limits: Limits, plant: SwitchedSystem) -> tuple[Bound, ...]:
     """The limits as rows of [x; u; y], those that are infinite left out.
 
     Raises RedesignError for limits that are not numbers, of the wrong shape, not positive or with low >= high, for names of states
     that the model does not have, and where nothing is limited at all.
     """
-    n, p, point = system.n_states, system.n_channels, system.operating_point
+    n, p, point = plant.n_states, plant.n_channels, plant.operating_point
     kinds: tuple[tuple[Kind, str, Range, tuple[str, ...], int, Array], ...] = (
-        ("input", "input", limits.input, system.input_names, n, point.u0),
-        ("input rate", "input_rate", limits.input_rate, system.input_names, n, np.zeros(p)),
-        ("path", "output", limits.output, system.output_names, n + p, point.y0),
+        ("input", "input", limits.input, plant.inputs.names, n, point.u0),
+        ("input rate", "input_rate", limits.input_rate, plant.inputs.names, n, np.zeros(p)),
+        ("path", "output", limits.output, plant.outputs.names, n + p, point.y0),
     )
     rows, found = np.eye(n + 2 * p), []
     for kind, name, value, channels, first, offset in kinds:
@@ -99,7 +106,7 @@ def bounds_of(limits: Limits, system: StateSpace) -> tuple[Bound, ...]:
             Bound(f"{title} {channel!r}", kind, rows[first + i], low[i] - offset[i], high[i] - offset[i], float(offset[i]))
             for i, channel in enumerate(channels)
         ]
-    found += [_state_bound(limit, system) for limit in limits.states]
+    found += [_state_bound(limit, plant) for limit in limits.states]
     finite = tuple(bound for bound in found if np.isfinite(bound.low) or np.isfinite(bound.high))
     if not finite:
         raise RedesignError(
@@ -109,8 +116,8 @@ def bounds_of(limits: Limits, system: StateSpace) -> tuple[Bound, ...]:
     return finite
 
 
-def _state_bound(limit: StateLimit, system: StateSpace) -> Bound:
-    row = np.append(state_row(limit.name, limit.row, system), np.zeros(2 * system.n_channels))
+def _state_bound(limit: StateLimit, plant: SwitchedSystem) -> Bound:
+    row = np.append(state_row(limit.name, limit.row, plant), np.zeros(2 * plant.n_channels))
     low, high = _sides(limit.name, limit.limit, 1, "combination of states")
     return Bound(repr(limit.name), "path", row, float(low[0]), float(high[0]))
 
@@ -131,10 +138,7 @@ def _sides(name: str, value: Range, size: int, meaning: str) -> tuple[Array, Arr
 
 
 def _channels(name: str, value: ArrayLike, size: int, meaning: str) -> Array:
-    try:
-        array: Array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise RedesignError(f"limit {name!r} must be a number or one per channel: {error}") from error
+    array = real_numbers(f"limit {name!r}", value, error=RedesignError)
     if array.shape not in ((), (size,)):
         raise RedesignError(f"limit {name!r}: expected a number or {size} for the {meaning}, got shape {array.shape}")
     if np.any(np.isnan(array)):
@@ -142,26 +146,22 @@ def _channels(name: str, value: ArrayLike, size: int, meaning: str) -> Array:
     return np.asarray(array * np.ones(size))
 
 
-def state_row(name: str, row: StateRow, system: StateSpace) -> Array:
+def state_row(name: str, row: StateRow, plant: SwitchedSystem) -> Array:
     """The row (n,) that the states, as deviations from the operating point, are multiplied with.
 
     Raises RedesignError for states that there are not, another number of weights than states, and weights that are not finite or
     all zero. `name` is what the message calls the combination.
     """
-    states = list(system.state_names)
+    states = plant.states.names
     if isinstance(row, Mapping):
         unknown = [state for state in row if state not in states]
         if unknown or not row:
             raise RedesignError(
-                f"{name!r}: expected weights of some of the states {states}, got {dict(row)}"
+                f"{name!r}: expected weights of some of the states {list(states)}, got {dict(row)}"
                 + (f", of which {unknown} are unknown" if unknown else "")
             )
         row = [row.get(state, 0.0) for state in states]
-    values = np.asarray(row, dtype=float)
-    if values.shape != (len(states),):
-        raise RedesignError(
-            f"{name!r}: expected {len(states)} weights, one for each of the states {states}, got shape {values.shape}"
-        )
-    if not np.all(np.isfinite(values)) or not np.any(values):
-        raise RedesignError(f"{name!r}: expected finite weights that are not all zero, got {values.tolist()}")
+    values = real_vector(f"the weights of {name!r}", row, states, error=RedesignError)
+    if not np.any(values):
+        raise RedesignError(f"the weights of {name!r} must not all be zero, got {values.tolist()}")
     return values

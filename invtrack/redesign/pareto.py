@@ -1,4 +1,4 @@
-"""What redesign trades, over a range of weights: tracking error against input and internal motion."""
+"""What redesign trades over a range of weights: tracking error against input and internal motion."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.integrate
+import scipy  # loads scipy.integrate at its first use
 from numpy.typing import NDArray
 
 from invtrack.errors import RedesignError
@@ -56,8 +56,12 @@ class Outcome:
 class TradeOff:
     """Outcomes of redesigns with different weights, in the order in which these were given.
 
-    weights: as given. plans: the redesigned trajectories. outcomes: what each gives up and asks for. costs: the integral that each
-    minimises, with its own weights. exact: the same of exact inversion, None where it was not given.
+    Args:
+        weights: as given.
+        plans: the redesigned trajectories.
+        outcomes: what each of them gives up and asks for.
+        costs: the integral that each of them minimises, with its own weights.
+        exact: the outcome of exact inversion, None where its plan was not given.
     """
 
     weights: tuple[Mapping[str, Any], ...]
@@ -110,10 +114,14 @@ def pareto_sweep(
 ) -> TradeOff:
     """Redesign with each of the weights, and what each plan gives up and asks for.
 
-    model, reference: as for `quadratic_redesign`. weights: one mapping {"R": ..., "Q_x": ..., "Q_y": ...} per point, Q_x zero
-    unless stated. quantities: internal quantities by name, each a combination of states, {"th1": 1.0, "th2": -1.0}. exact: the
-    plan of exact inversion for the same reference, to compare with. method: called as method(model, reference, **weights,
-    **options).
+    Args:
+        model: StateSpace, SwitchedSystem, or anything with A, B, C, D.
+        reference: wanted outputs, absolute, in their units, held still before and after the manoeuvre.
+        weights: one mapping {"R": ..., "Q_x": ..., "Q_y": ...} per point, Q_x zero unless stated.
+        quantities: internal quantities by name, each a combination of states, {"th1": 1.0, "th2": -1.0}.
+        exact: the plan of exact inversion for the same reference, to compare with.
+        method: called as method(model, reference, **weights, **options) for each point.
+        options: further ones of the method, the same for all points.
 
     Raises RedesignError for no or unknown weights and for quantities that do not fit the states, and as the method does.
     """
@@ -121,7 +129,7 @@ def pareto_sweep(
         keys = [sorted(point) for point in weights]
         raise RedesignError(f"expected for each point a mapping with R, Q_y and, if wanted, Q_x; got {keys}")
     plant = as_switched(model)
-    rows = {name: state_row(name, row, plant.systems[0]) for name, row in (quantities or {}).items()}
+    rows = {name: state_row(name, row, plant) for name, row in (quantities or {}).items()}
     plans = tuple(method(plant, reference, **point, **options) for point in weights)
     return TradeOff(
         weights=tuple(weights),
@@ -137,11 +145,10 @@ def outcome(plan: Plan, quantities: Mapping[str, StateRow] | None = None) -> Out
 
     Raises RedesignError for quantities that do not fit the states.
     """
-    system = plan.model.systems[0]
-    rows = {name: state_row(name, row, system) for name, row in (quantities or {}).items()}
+    rows = {name: state_row(name, row, plan.model) for name, row in (quantities or {}).items()}
     times, inside = _dense_times(plan)
     at = plan(times.ravel(), inside=inside)
-    u = at.u - system.operating_point.u0
+    u = at.u - plan.model.operating_point.u0
     power = np.sum(u**2, axis=1).reshape(times.shape)
     energy = float(np.sum(scipy.integrate.simpson(power, x=times, axis=1)))
     return Outcome(

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import RedesignError, TrajectoryError
-from invtrack.linear.switched import SwitchedSystem, as_switched
-from invtrack.plans.certificate import certify
-from invtrack.plans.ends import actuation_times
-from invtrack.plans.plan import Certificate, Plan
-from invtrack.plans.problem import deviation_reference, require_reference
-from invtrack.redesign.holding import FREE_HOLDING, ROUNDING
-from invtrack.redesign.optimal.assembly import Redesign, assemble
-from invtrack.redesign.weights import Weights, as_weights
-from invtrack.references.signal import PiecewiseSignal
+from invtrack.plans.plan import Plan
+from invtrack.plans.problem import AT_REST, PlanningProblem
+from invtrack.plans.trajectory import Trajectory
+from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
+from invtrack.plans.two_sided_problem import Driveable, two_sided_problem
+from invtrack.redesign.cost import FREE_HOLDING, ROUNDING, Weights, as_weights, without_rounding
+from invtrack.redesign.optimum import optimum
+from invtrack.references.signal import Generator, PiecewiseSignal
 
 Array = NDArray[np.float64]
-
-ACCURACY = 1e-8
-"""Largest residual of a plan's dynamics, relative to its size, with which it is handed out."""
 
 
 def quadratic_redesign(
@@ -51,68 +49,95 @@ def quadratic_redesign(
     the cost does not see or the input does not reach). Source: S. Devasia, "Optimal output-trajectory redesign for invertible
     systems", AIAA J. of Guidance, Control, and Dynamics 19(5), 1996 (frequency domain; here the same optimum in time).
     """
-    if not 0 < tolerance < 1 or (max_preactuation is not None and not max_preactuation >= 0):
-        raise RedesignError(
-            f"tolerance must lie between 0 and 1 and max_preactuation must not be negative, got {tolerance} and {max_preactuation}"
-        )
-    plant = as_switched(model)
-    weights = as_weights(plant, R=R, Q_x=Q_x, Q_y=Q_y)
-    require_reference(plant, reference)
-    deviation = _deviation(plant, reference)
-    plan = assemble(plant, deviation, weights)
-    _require_free_holding(plant, plan, weights)
-    preactuation, postactuation, remarks = actuation_times(plan.trajectory, plan.departures, tolerance, max_preactuation)
-    manoeuvre = deviation.manoeuvre
-    certificate = certify(plant, plan.trajectory, deviation, (manoeuvre[0] - preactuation, manoeuvre[1] + postactuation))
-    _require_accurate(certificate)
-    return Plan(
-        method="quadratic redesign",
-        model=plant,
-        reference=reference,
-        trajectory=plan.trajectory,
-        manoeuvre=manoeuvre,
-        preactuation=preactuation,
-        postactuation=postactuation,
-        tolerance=tolerance,
-        certificate=certificate,
-        remarks=remarks,
-    )
+    free = free_optimum(model, reference, R=R, Q_x=Q_x, Q_y=Q_y, tolerance=tolerance, max_preactuation=max_preactuation)
+    return free.problem.plan("quadratic redesign", free.trajectory, exact=False)
 
 
-def _deviation(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSignal:
-    """The reference as deviation from the operating point, with breakpoints at the jumps; it must hold still at both ends."""
+@dataclass(frozen=True, eq=False)
+class FreeOptimum:
+    """The optimum without limits, its weights, and the problem, whose reference is constant before and after the manoeuvre."""
+
+    problem: PlanningProblem
+    weights: Weights
+    trajectory: Trajectory
+
+
+def free_optimum(
+    model: Any,
+    reference: PiecewiseSignal,
+    *,
+    R: ArrayLike,
+    Q_x: ArrayLike,
+    Q_y: ArrayLike,
+    tolerance: float,
+    max_preactuation: float | None,
+) -> FreeOptimum:
+    """What `quadratic_redesign` makes a plan of; arguments and errors are its own."""
+    problem = _held_still(PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation))
+    weights = as_weights(problem.plant, R=R, Q_x=Q_x, Q_y=Q_y)
+    if np.any(weights.Q_y):
+        models: Sequence[Driveable] = problem.plant.map(lambda system: optimum(system, weights))
+    else:  # where nothing is asked of the output, not to move (the Riccati equation may have no stabilizing solution)
+        models = [_Rest(problem.plant.n_states + 2 * problem.plant.n_channels)] * len(problem.plant)
+    trajectory = two_sided_problem(problem, models, one_unit=False).solve().trajectory()
+    _require_free_holding(problem, trajectory, weights)
+    return FreeOptimum(problem, weights, trajectory)
+
+
+class _Rest:
+    """A two-sided system without states in which a reference moves nothing."""
+
+    def __init__(self, rows: int) -> None:
+        none = Part.empty(rows, 0)
+        self._rows, self.system = rows, TwoSidedSystem(none, none, np.zeros((0, 0)))
+
+    def driven(self, generator: Generator) -> DrivenSystem:
+        """Zero, whatever the reference."""
+        nothing = np.zeros((0, len(generator.S)))
+        return DrivenSystem(self.system, generator.S, nothing, nothing, np.zeros((self._rows, len(generator.S))), nothing)
+
+
+def _held_still(problem: PlanningProblem) -> PlanningProblem:
+    """The problem with a reference that is constant before and after the manoeuvre, with one state that stays at 1.
+
+    Nothing then depends on the unit of the outputs, and held values that only rounding sets apart from the operating point are not
+    held for ever. Raises TrajectoryError for a reference that goes on moving there.
+    """
+    reference, y_0 = problem.deviation, problem.plant.operating_point.y0
+    kind, anchors, end_anchors = reference.kind.copy(), reference.anchors.copy(), problem.end_anchors.copy()
+    generators = list(reference.generators)
     for place, when in ((0, "before"), (-1, "after")):
-        generator = reference.generators[reference.kind[place]]
-        w = reference.anchors[place, : len(generator.S)]
-        if np.any(np.abs(generator.S @ w) > 1e-12 * np.abs(generator.S) @ np.abs(w)):
+        generator = generators[kind[place]]
+        w = anchors[place, : len(generator.S)]
+        if np.any(np.abs(generator.S @ w) > AT_REST * np.abs(generator.S) @ np.abs(w)):
             raise TrajectoryError(
                 f"the reference goes on moving {when} its first and last breakpoint ({reference.manoeuvre}), for ever, so the cost "
-                "over all of time is infinite; hold it still there, for instance with invtrack.autonomous(..., start=, end=)"
+                "over all of time is infinite; hold it still there, for instance with "
+                "invtrack.references.autonomous(..., start=, end=)"
             )
-    return deviation_reference(plant, reference)
+        held = without_rounding(generator.R @ w, reference, y_0)
+        kind[place] = len(generators)
+        generators.append(Generator(np.zeros((1, 1)), held[:, np.newaxis]))
+        for states in (anchors, end_anchors):
+            states[place] = np.eye(1, anchors.shape[1])[0]
+    held_still = PiecewiseSignal(reference.breakpoints, tuple(generators), kind, anchors)
+    return replace(problem, deviation=held_still, end_anchors=end_anchors)
 
 
-def _require_free_holding(plant: SwitchedSystem, plan: Redesign, weights: Weights) -> None:
+def _require_free_holding(problem: PlanningProblem, trajectory: Trajectory, weights: Weights) -> None:
     """Raises RedesignError where the plan goes on costing something at rest before or after the manoeuvre."""
-    n, p = plant.n_states, plant.n_channels
-    for wanted, values, when in zip(plan.held, plan.held_values, ("before", "after"), strict=True):
+    plant = problem.plant
+    edges = problem.deviation.breakpoints
+    for tail, t, when in ((trajectory.before, edges[0] - 1.0, "before"), (trajectory.after, edges[-1] + 1.0, "after")):
+        wanted = problem.deviation(t)
         staying_away = float(np.abs(wanted) @ np.abs(weights.Q_y) @ np.abs(wanted))
-        x, u, y = np.split(values[np.newaxis], [n, n + p], axis=1)
+        x, u, y = np.split(tail.held[np.newaxis], [plant.n_states, plant.n_states + plant.n_channels], axis=1)
         rate = float(weights.rate(x, u, y - wanted)[0])
         rounding = ROUNDING * float(weights.terms(x, u, y - wanted)[0])
         if rate > FREE_HOLDING * staying_away + rounding:
             raise RedesignError(
-                f"the cost is infinite: {when} the manoeuvre the outputs {list(plant.output_names)} are to be held at "
+                f"the cost is infinite: {when} the manoeuvre the outputs {list(plant.outputs.names)} are to be held at "
                 f"{wanted.tolist()} (from the operating point) for ever, which costs {rate:.3g} per second even at the best "
                 "compromise; let the reference return to the operating point, take the held value itself as the operating point, "
                 "or give no weight to the states or inputs that holding it takes (a rigid-body motion needs none)"
             )
-
-
-def _require_accurate(certificate: Certificate) -> None:
-    worst = max(certificate.dynamics_residual, certificate.continuity)
-    if not worst <= ACCURACY:
-        raise RedesignError(
-            f"the redesign is too ill-conditioned to be trusted: the plan misses the plant's equations by {worst:.1e} of its size "
-            f"({certificate}); look for inputs or states in badly chosen units, or bring the weights closer to each other"
-        )

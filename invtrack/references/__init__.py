@@ -1,0 +1,36 @@
+"""Wanted outputs: profiles, splines through samples, exosystems, and a report of what a reference asks for."""
+
+from invtrack.references.exosystem import (
+    Exosystem,
+    exosystem,
+    polynomial_exosystem,
+    sinusoidal_exosystem,
+    stack_exosystems,
+    step_exosystem,
+    sum_exosystems,
+)
+from invtrack.references.profiles import autonomous, constant, piecewise_polynomial, raised_cosine, rest_to_rest
+from invtrack.references.reference_report import ReferenceReport, reference_report
+from invtrack.references.samples import load_reference, sampled_reference
+from invtrack.references.signal import PiecewiseSignal, stack
+
+__all__ = [
+    "Exosystem",
+    "PiecewiseSignal",
+    "ReferenceReport",
+    "autonomous",
+    "constant",
+    "exosystem",
+    "load_reference",
+    "piecewise_polynomial",
+    "polynomial_exosystem",
+    "raised_cosine",
+    "reference_report",
+    "rest_to_rest",
+    "sampled_reference",
+    "sinusoidal_exosystem",
+    "stack",
+    "stack_exosystems",
+    "step_exosystem",
+    "sum_exosystems",
+]

@@ -5,13 +5,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.checks import real_matrix, real_numbers
+from invtrack.checks import increasing_times, real_matrix, real_numbers, real_vector
 from invtrack.errors import TrajectoryError
 from invtrack.references.signal import Generator, PiecewiseSignal
 
@@ -40,14 +41,12 @@ class Exosystem:
         self, A: Sequence[ArrayLike], C: Sequence[ArrayLike], switch_times: ArrayLike = (), *, names: Sequence[str] | None = None
     ) -> None:
         matrices_A, matrices_C = _copies("A_e", A), _copies("C_e", C)
-        times = real_numbers("switch times of the exosystem", switch_times).reshape(-1)
+        times = increasing_times("switch times of the exosystem", switch_times)
         if not len(matrices_A) == len(matrices_C) == len(times) + 1:
             raise TrajectoryError(
                 f"expected one A_e and one C_e per interval, {len(times) + 1} of each for {len(times)} switch times; got "
                 f"{len(matrices_A)} and {len(matrices_C)}"
             )
-        if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
-            raise TrajectoryError(f"switch times of the exosystem must be finite and increase, got {times.tolist()}")
         q, p = len(matrices_A[0]), len(matrices_C[0])
         for k, (A_e, C_e) in enumerate(zip(matrices_A, matrices_C, strict=True)):
             if A_e.shape != (q, q) or C_e.shape != (p, q) or not (p and q):
@@ -64,6 +63,13 @@ class Exosystem:
     def __len__(self) -> int:
         """Number of intervals N + 1."""
         return len(self.A)
+
+    @cached_property
+    def numbers(self) -> NDArray[np.intp]:
+        """Which of the distinct pairs (A_e, C_e) each interval has, (N + 1,)."""
+        pairs = [(id(A_e), id(C_e)) for A_e, C_e in zip(self.A, self.C, strict=True)]
+        place = {pair: number for number, pair in enumerate(dict.fromkeys(pairs))}
+        return np.array([place[pair] for pair in pairs], dtype=np.intp)
 
     @property
     def n_states(self) -> int:
@@ -125,11 +131,11 @@ class Exosystem:
         q = self.n_states
         if matrix.shape != (q, q) or np.linalg.cond(matrix) > 1 / np.finfo(float).eps:
             raise TrajectoryError(f"T must be a nonsingular ({q}, {q}) matrix, got shape {matrix.shape}")
-        # Matrices that recur are worked out once and stay the same.
-        known = {id(A_e): np.linalg.solve(matrix.T, (matrix @ A_e).T).T for A_e in {id(A_e): A_e for A_e in self.A}.values()}
-        known |= {id(C_e): np.linalg.solve(matrix.T, C_e.T).T for C_e in {id(C_e): C_e for C_e in self.C}.values()}
-        A, C = [known[id(A_e)] for A_e in self.A], [known[id(C_e)] for C_e in self.C]
-        return Exosystem(A, C, self.switch_times, names=names)
+        return self._mapped(
+            lambda A_e: np.asarray(np.linalg.solve(matrix.T, (matrix @ A_e).T).T, dtype=float),
+            lambda C_e: np.asarray(np.linalg.solve(matrix.T, C_e.T).T, dtype=float),
+            names=names,
+        )
 
     def weighted(self, weights: ArrayLike) -> Exosystem:
         """The same outputs from the states w x_e, weights w (q,), not negative; exact where they are powers of two.
@@ -139,12 +145,16 @@ class Exosystem:
         given = real_numbers("weights", weights)
         seen = given > 0
         w = np.where(seen, given, 1.0)
-        # Matrices that recur are worked out once and stay the same.
-        known = {id(A_e): np.where(seen[:, None] & seen, A_e / w * w[:, None], 0.0) for A_e in self.A}
-        known |= {id(C_e): C_e / w for C_e in self.C}
-        return Exosystem(
-            [known[id(A_e)] for A_e in self.A], [known[id(C_e)] for C_e in self.C], self.switch_times, names=self.names
-        )
+        return self._mapped(lambda A_e: np.where(seen[:, None] & seen, A_e / w * w[:, None], 0.0), lambda C_e: C_e / w)
+
+    def _mapped(
+        self, A_of: Callable[[Array], Array], C_of: Callable[[Array], Array], *, names: Sequence[str] | None = None
+    ) -> Exosystem:
+        """The exosystem with other matrices, worked out once for pairs that recur, so that they stay the same."""
+        first = np.unique(self.numbers, return_index=True)[1]
+        A, C = [A_of(self.A[k]) for k in first], [C_of(self.C[k]) for k in first]
+        names = self.names if names is None else names
+        return Exosystem([A[k] for k in self.numbers], [C[k] for k in self.numbers], self.switch_times, names=names)
 
     def shifted(self, delay: float) -> Exosystem:
         """The same exosystem `delay` seconds later."""
@@ -152,9 +162,7 @@ class Exosystem:
 
     def _signal(self, x_e: ArrayLike, at: float | None, rows: Sequence[Array]) -> PiecewiseSignal:
         """rows[k] x_e(t) in interval k: piece by piece forward and backward from `at`."""
-        x, time = real_numbers("the exosystem's state", x_e), self._reference_time(at)
-        if x.shape != (self.n_states,) or not np.all(np.isfinite(x)):
-            raise TrajectoryError(f"expected a finite exosystem state of {self.n_states} entries {list(self.names)}, got {x_e!r}")
+        x, time = real_vector("the exosystem's state", x_e, self.names), self._reference_time(at)
         edges = self.switch_times if len(self) > 1 else np.array([time])
         owner = np.concatenate([[0], self.interval(edges)])
         numbers: dict[tuple[int, int], int] = {}

@@ -9,6 +9,7 @@ import scipy.linalg
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import require_duration
 from invtrack.errors import TrajectoryError
 from invtrack.references.signal import Generator, PiecewiseSignal, constant_generator
 
@@ -29,8 +30,7 @@ def rest_to_rest(
     y_0, y_f = np.atleast_1d(np.asarray(start, dtype=float)), np.atleast_1d(np.asarray(end, dtype=float))
     if y_0.shape != y_f.shape or y_0.ndim != 1:
         raise TrajectoryError(f"start and end must have the same channels, got shapes {y_0.shape} and {y_f.shape}")
-    if not (np.isfinite(duration) and duration > 0):
-        raise TrajectoryError(f"duration must be a positive number of seconds, got {duration}")
+    require_duration("duration", duration)
     if smoothness not in range(7):  # from 7 on, rounding of the coefficients shows as jumps at the end
         raise TrajectoryError(f"smoothness must be a whole number from 0 to 6 (degree 1 to 13), got {smoothness}")
     # The slope of the unit step is (s (1 - s))^smoothness, up to a factor.
@@ -60,8 +60,7 @@ def piecewise_polynomial(
     if len(pieces) != len(times) - 1 or not pieces:
         raise TrajectoryError(f"expected one polynomial between each two of {len(times)} breakpoints, got {len(pieces)}")
     p, degree = pieces[0].shape[0], max(c.shape[1] for c in pieces) - 1
-    if not time_scale > 0:
-        raise TrajectoryError(f"time_scale must be a positive number of seconds, got {time_scale}")
+    require_duration("time_scale", time_scale)
     if any(c.shape[0] != p for c in pieces):
         raise TrajectoryError(f"all pieces must have the same number of channels, got {[c.shape[0] for c in pieces]}")
     # w_i = the value's i-th Taylor coefficient, in units of time_scale, so that all entries are of the size of the value.

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.channels import Channels
 from invtrack.errors import TrajectoryError
 from invtrack.references.signal import JUMP_TOLERANCE, Generator, PiecewiseSignal
 
@@ -25,15 +26,14 @@ is 1.4, for a sinusoid with s pieces per period 2 sin(pi / s), so 1 at 6 pieces 
 class ReferenceReport:
     """Derivative content of a reference with p channels, for derivatives of order 0 ... `highest`.
 
-    names, units: one per channel. span: first and last breakpoint [s]. pieces: how many lie between them; spacing: length of the
+    channels: names and units. span: first and last breakpoint [s]. pieces: how many lie between them; spacing: length of the
     shortest and of the longest [s]. peaks (highest + 1, p): largest size of each derivative. roughness (highest + 1, p): rms change
     of a derivative between neighbouring pieces, relative to its own rms; NaN with fewer than 16 pieces, 0 for a derivative that is
     zero. continuous: per channel how many derivatives, the value itself counted as one, are continuous (at most highest + 1). rest:
     per channel how many derivatives, from the first on, vanish at the first and at the last breakpoint, on both sides of it.
     """
 
-    names: tuple[str, ...]
-    units: tuple[str, ...]
+    channels: Channels
     span: tuple[float, float]
     pieces: int
     spacing: tuple[float, float]
@@ -55,7 +55,7 @@ class ReferenceReport:
     def __str__(self) -> str:
         spacing = f"of {self.spacing[0]:.4g} s to {self.spacing[1]:.4g} s" if self.pieces else "at rest throughout"
         lines = [f"Reference from {self.span[0]:.6g} s to {self.span[1]:.6g} s, {self.pieces} piece(s) {spacing}"]
-        for i, (name, unit) in enumerate(zip(self.names, self.units, strict=True)):
+        for i, (name, unit) in enumerate(zip(self.channels.names, self.channels.units, strict=True)):
             lines += [name, "  order  peak" + " " * 20 + "continuous  change from piece to piece"]
             for order, (peak, rough) in enumerate(zip(self.peaks[:, i], self.roughness[:, i], strict=True)):
                 size = f"{peak:.4g} {derivative_unit(unit, order)}"
@@ -83,23 +83,22 @@ class ReferenceReport:
 
 
 def reference_report(
-    reference: PiecewiseSignal, *, highest: int = 4, names: Sequence[str] | None = None, units: Sequence[str] | None = None
+    reference: PiecewiseSignal, *, highest: int = 4, channels: Channels | Sequence[str] | None = None
 ) -> ReferenceReport:
     """Peaks, smoothness, rest and roughness of a reference; `print` shows them as text.
 
-    highest: highest order of derivative; the inverse of a plant of relative degree r uses orders up to r. names, units: one per
-    channel, for instance ["tip_position"] and ["m"]. Peaks are taken over both ends and three points of each piece, so that a peak
-    between them can be missed by a little.
+    highest: highest order of derivative; the inverse of a plant of relative degree r uses orders up to r. channels: names and units
+    of the reference's channels, such as `model.outputs` of the plant that is to follow it, or names alone. Peaks are taken over
+    both ends and three points of each piece, so that a peak between them can be missed by a little.
 
-    Raises TrajectoryError where `highest` is no whole number from 1 on, or names or units do not fit the channels.
+    Raises TrajectoryError where `highest` is no whole number from 1 on, or the number of channels is another one.
     """
     p = reference.n_channels
     if not isinstance(highest, int) or highest < 1:
         raise TrajectoryError(f"highest must be a whole number from 1 on, got {highest!r}")
-    names = [f"y{i + 1}" for i in range(p)] if names is None else names
-    units = [""] * p if units is None else units
-    if len(names) != p or len(units) != p:
-        raise TrajectoryError(f"expected {p} name(s) and unit(s), one per channel, got {list(names)} and {list(units)}")
+    channels = Channels.numbered("y", p) if channels is None else Channels.of(channels)
+    if len(channels) != p:
+        raise TrajectoryError(f"the reference has {p} channel(s), got names for {len(channels)}: {channels}")
     edges = reference.breakpoints
     lengths = np.diff(edges)
     left, right, inner = _derivatives(reference, highest)
@@ -112,8 +111,7 @@ def reference_report(
     smooth = np.all(np.abs(right - left) <= small, axis=0)
     still = np.maximum(np.abs(left), np.abs(right))[[0, -1]] <= small
     return ReferenceReport(
-        names=tuple(names),
-        units=tuple(units),
+        channels=channels,
         span=reference.manoeuvre,
         pieces=len(lengths),
         spacing=(float(lengths.min(initial=np.inf)), float(lengths.max())) if lengths.size else (0.0, 0.0),

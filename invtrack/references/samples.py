@@ -7,9 +7,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy  # loads scipy.interpolate at its first use
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import BSpline, make_interp_spline
 
+from invtrack.checks import real_numbers
 from invtrack.errors import FileError, TrajectoryError
 from invtrack.files import read_table
 from invtrack.references.profiles import piecewise_polynomial
@@ -102,11 +103,7 @@ def load_reference(
 
 def _samples(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     """times (m,) and values (m, p), finite."""
-    try:
-        t = np.array(times).astype(float, casting="same_kind")
-        y = np.array(values).astype(float, casting="same_kind")
-    except (TypeError, ValueError) as error:
-        raise TrajectoryError(f"times and values must be arrays of real numbers: {error}") from error
+    t, y = real_numbers("times of the samples", times), real_numbers("values of the samples", values)
     y = y[:, None] if y.ndim == 1 else y
     if t.ndim != 1 or y.ndim != 2 or len(y) != len(t) or y.shape[1] == 0:
         raise TrajectoryError(
@@ -148,12 +145,13 @@ def _require_possible(count: int, degree: int, smoothness: int | None) -> int:
     return smoothness
 
 
-def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> BSpline:
+def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> scipy.interpolate.BSpline:
     half = (degree - 1) // 2
     orders = [*range(1, smoothness + 1), *range(half + 1, degree - smoothness)]
     conditions = [(order, np.zeros(y.shape[1])) for order in orders]
     try:
-        spline = make_interp_spline(t, y, k=degree, bc_type=(conditions, list(conditions)) if conditions else None)
+        ends = (conditions, list(conditions)) if conditions else None
+        spline = scipy.interpolate.make_interp_spline(t, y, k=degree, bc_type=ends)
     except np.linalg.LinAlgError:
         well_posed = False
     else:

@@ -10,6 +10,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import increasing_times
 from invtrack.errors import TrajectoryError
 from invtrack.linear.propagation import Propagator
 
@@ -63,8 +64,8 @@ class PiecewiseSignal:
 
     def __post_init__(self) -> None:
         pieces = len(self.breakpoints) + 1
-        if len(self.breakpoints) < 1 or not np.all(np.isfinite(self.breakpoints)) or np.any(np.diff(self.breakpoints) <= 0):
-            raise TrajectoryError(f"breakpoints must be finite and increase, got {self.breakpoints[:8].tolist()}")
+        if not len(increasing_times("breakpoints", self.breakpoints)):
+            raise TrajectoryError("a signal needs breakpoints, at least one, got none")
         if self.kind.shape != (pieces,) or len(self.anchors) != pieces:
             raise TrajectoryError(f"expected {pieces} pieces, got {len(self.kind)} kinds and {len(self.anchors)} anchors")
         if not np.all(np.isfinite(self.anchors)):

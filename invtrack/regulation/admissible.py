@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from invtrack.linear.normal_form import NormalForm, normal_form
 from invtrack.linear.scaling import RESOLVED, comparable_size, unit_ratios
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.plan import TwoSidedTrajectory
+from invtrack.plans.trajectory import Trajectory
 from invtrack.references.exosystem import Exosystem
-from invtrack.regulation.map_pieces import inner_times
-from invtrack.regulation.visibility import column_weights
+from invtrack.regulation.map_pieces import column_weights, inner_times
 
 Array = NDArray[np.float64]
 
@@ -65,7 +64,7 @@ class Jumps:
         return np.flatnonzero(np.any(self.jump, axis=(1, 2))).tolist()
 
 
-def map_jumps(trajectory: TwoSidedTrajectory, exosystem: Exosystem, plant: SwitchedSystem, weights: Array) -> Jumps:
+def map_jumps(trajectory: Trajectory, exosystem: Exosystem, plant: SwitchedSystem, weights: Array) -> Jumps:
     """Jumps of G (n, q), from its values on both sides of each breakpoint, for the exosystem's states times `weights` (q,)."""
     exosystem, w = exosystem.weighted(weights), column_weights(weights)
     n, q, edges = plant.n_states, exosystem.n_states, trajectory.breakpoints
@@ -152,7 +151,7 @@ def inadmissible_states(
         time = float(jumps.times[worst])
         form = normal_form(plant.systems[int(plant.interval(time))])
         jump = jumped[worst] * w[j]
-        found.append(InadmissibleState(names[j], time, *_where(form, plant.output_names, jump)))
+        found.append(InadmissibleState(names[j], time, *_where(form, plant.outputs.names, jump)))
     return tuple(found)
 
 

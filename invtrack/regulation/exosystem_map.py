@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.errors import InversionError, TrajectoryError
-from invtrack.inversion.bounded_solution.problem import split_each
-from invtrack.inversion.bounded_solution.refusals import ACCURACY
+from invtrack.errors import PlanError, TrajectoryError
+from invtrack.inversion.exact import split_each
 from invtrack.linear.switched import SwitchedSystem, as_switched
-from invtrack.plans.boundary_value import BoundaryValueSolution
-from invtrack.plans.ends import Departure, actuation_times
-from invtrack.plans.plan import TwoSidedTrajectory
+from invtrack.plans.problem import actuation_times
+from invtrack.plans.trajectory import Trajectory
+from invtrack.plans.two_sided import drive_units
+from invtrack.plans.two_sided_problem import TwoSidedProblem, TwoSidedSolution
 from invtrack.references.exosystem import Exosystem
 from invtrack.regulation.admissible import (
     Jumps,
@@ -24,11 +24,17 @@ from invtrack.regulation.admissible import (
     largest_jump,
     map_jumps,
 )
-from invtrack.regulation.map_certificate import RegulationCertificate, certify_map
-from invtrack.regulation.map_equations import solve_map
-from invtrack.regulation.map_pieces import MapPiece, internal_parts, map_breakpoints, map_pieces
+from invtrack.regulation.map_certificate import certify_map
+from invtrack.regulation.map_pieces import (
+    MapPiece,
+    column_weights,
+    internal_parts,
+    map_breakpoints,
+    map_pieces,
+    unweighted,
+    visibility,
+)
 from invtrack.regulation.regulation_map import PlanPieces, RegulationMap
-from invtrack.regulation.visibility import column_weights, unweighted, visibility
 
 Array = NDArray[np.float64]
 
@@ -54,18 +60,20 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
     Source: Devasia, Paden, Rossi 1996, section 3.
     """
     if not 0 < tolerance < 1:
-        raise InversionError(f"tolerance must lie between 0 and 1, got {tolerance}")
+        raise PlanError(f"tolerance must lie between 0 and 1, got {tolerance}")
     plant = as_switched(model)
     require_outputs(plant, exosystem)
     splits = split_each(plant)
     breakpoints = map_breakpoints(plant, exosystem)
     weights = visibility(exosystem, plant)
     pieces, kind = map_pieces(plant, splits, exosystem, breakpoints, weights)
-    solution, Z_s, Z_u = solve_map(pieces, kind, breakpoints)
-    trajectory = _trajectory(pieces, kind, breakpoints, Z_s, Z_u)
+    unit = max(1.0, *drive_units([piece.driven for piece in pieces]))
+    solution = _map_problem(pieces, kind, breakpoints, unit).solve()
+    trajectory = solution.trajectory()
     jumps = map_jumps(trajectory, exosystem, plant, weights)
     admissible = admissible_states(jumps)
-    preactuation, postactuation = _times(trajectory, tolerance)
+    manoeuvre = (float(breakpoints[0]), float(breakpoints[-1]))
+    preactuation, postactuation, _ = actuation_times(trajectory, manoeuvre, tolerance)
     certificate = certify_map(
         plant,
         exosystem,
@@ -75,16 +83,16 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
         boundary_residual=_boundary(trajectory, pieces, kind, jumps, admissible),
         continuity=largest_jump(jumps, admissible),
     )
-    _require_accurate(certificate, solution)
-    free = solution.freedom // exosystem.n_states
+    certificate.require()
+    free = solution.boundary.freedom // exosystem.n_states
     remarks = (f"the bounded map is not unique ({free} free direction(s)); the one of least norm was taken",) if free else ()
     return RegulationMap(
         method="exosystem map",
         model=plant,
         exosystem=exosystem,
         trajectory=trajectory,
-        pieces=_plan_pieces(pieces, kind, Z_s, Z_u),
-        manoeuvre=(float(breakpoints[0]), float(breakpoints[-1])),
+        pieces=_plan_pieces(pieces, solution, unit),
+        manoeuvre=manoeuvre,
         preactuation=preactuation,
         postactuation=postactuation,
         tolerance=tolerance,
@@ -99,7 +107,7 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
 
 def require_outputs(plant: SwitchedSystem, exosystem: Exosystem) -> None:
     """Raises TrajectoryError unless `exosystem` is one, with one output per output of the plant."""
-    names = list(plant.output_names)
+    names = list(plant.outputs.names)
     if not isinstance(exosystem, Exosystem):
         raise TrajectoryError(
             f"expected an Exosystem, such as sinusoidal_exosystem(...), got {type(exosystem).__name__}; for a single reference "
@@ -109,66 +117,48 @@ def require_outputs(plant: SwitchedSystem, exosystem: Exosystem) -> None:
         raise TrajectoryError(f"the exosystem has {exosystem.n_outputs} outputs, the plant {len(names)}: {names}")
 
 
-def _require_accurate(certificate: RegulationCertificate, solution: BoundaryValueSolution) -> None:
-    """The last guard, as in `invert`: a map that misses its own equations is refused, whatever the reason."""
-    worst = max(certificate.dynamics_residual, certificate.output_error, certificate.boundary_residual, certificate.continuity)
-    if not worst <= ACCURACY:
-        raise InversionError(
-            f"the exosystem's map is too ill-conditioned to be trusted: it misses its own equations by {worst:.1e} of its size "
-            f"({certificate}; smallest pivot of the boundary value problem {solution.conditioning:.1e}); look for states in badly "
-            "chosen units, or for exosystem modes that grow or decay by many powers of ten"
-        )
-
-
 def _finite(edge: float, away: float) -> float:
     return float(edge + away) if np.isfinite(away) else float(edge)
 
 
-def _trajectory(
-    pieces: Sequence[MapPiece], kind: NDArray[np.intp], breakpoints: Array, Z_s: Array, Z_u: Array
-) -> TwoSidedTrajectory:
-    """[G; F] row by row: Z and the constant of each piece's drive as two-sided states."""
-    count, q = len(kind), Z_s.shape[2]
-    v_f, v_b = np.zeros((count, Z_s.shape[1] * q + 1)), np.zeros((count, Z_u.shape[1] * q + 1))
-    generators = [piece.generator for piece in pieces]
-    for j, number in enumerate(kind.tolist()):
-        piece = pieces[number]
-        n_s, n_u = len(piece.split.A_s), len(piece.split.A_u)
-        if piece.place != "inside" and not (np.any(Z_s[j]) or np.any(Z_u[j])):  # an endless piece occurs once
-            generators[number], n_s, n_u = piece.settled, 0, 0
-        v_f[j, : n_s * q], v_f[j, n_s * q] = Z_s[j, :n_s].ravel(), piece.constant
-        v_b[j, : n_u * q], v_b[j, n_u * q] = Z_u[j, :n_u].ravel(), piece.constant
-    return TwoSidedTrajectory(breakpoints, tuple(generators), kind, v_f, v_b)
+def _map_problem(pieces: Sequence[MapPiece], kind: NDArray[np.intp], breakpoints: Array, unit: float) -> TwoSidedProblem:
+    """The equations of vec(Z_s), vec(Z_u), with N G continuous at every breakpoint and every piece an interval of its own.
+
+    Rows of C* that hold unknowns (outputs that change with the plant) are conditions, the others are what decides which exosystem
+    states are admissible.
+    """
+    driven = [piece.driven.in_units(unit, unit, piece.driven.system.in_units(unit, unit)) for piece in pieces]
+    ones = np.ones((len(kind), 1))
+    return TwoSidedProblem(
+        breakpoints=breakpoints,
+        driven=driven,
+        which=kind,
+        w_start=ones,
+        w_end=ones,
+        owner=np.arange(len(kind)),
+        systems=[driven[k].system for k in kind],
+        switch_times=breakpoints,
+        peaks=[np.zeros(driven[k].system.prescribed) for k in kind[1:]],
+    )
 
 
-def _plan_pieces(pieces: Sequence[MapPiece], kind: NDArray[np.intp], Z_s: Array, Z_u: Array) -> PlanPieces:
-    """[Z; I] times the weights of the pieces: from x_e at their ends to the two-sided states [z; x_e] of a plan."""
-    count, q = len(kind), Z_s.shape[2]
-    Z_f, Z_b = np.zeros((count, Z_s.shape[1] + q, q)), np.zeros((count, Z_u.shape[1] + q, q))
-    for j, piece in enumerate(pieces[k] for k in kind):
-        n_s, n_u = len(piece.split.A_s), len(piece.split.A_u)
-        Z_f[j, :n_s] = (Z_s[j, :n_s] + piece.steady_s) * piece.weights
-        Z_b[j, :n_u] = (Z_u[j, :n_u] + piece.steady_u) * piece.weights
-        Z_f[j, n_s : n_s + q] = Z_b[j, n_u : n_u + q] = np.diag(piece.weights)
-    return PlanPieces(tuple(piece.plan for piece in pieces), kind, Z_f, Z_b)
+def _plan_pieces(pieces: Sequence[MapPiece], solution: TwoSidedSolution, unit: float) -> PlanPieces:
+    """What takes x_e to the states of a plan: Z_s and Z_u, at the ends together with their particular solutions."""
+    problem = solution.problem
+    q = len(pieces[0].A_e)
+    first, last = pieces[problem.which[0]], pieces[problem.which[-1]]
+    Z_s, Z_u = (unit * z.reshape(len(z), z.shape[1] // q, q) for z in solution.states())
+    return PlanPieces(
+        driven=tuple(piece.plan for piece in pieces),
+        which=problem.which,
+        Z_f=Z_s,
+        Z_b=Z_u,
+        first_b=unit * solution.first_b.reshape(-1, q) + first.steady_u,
+        last_f=unit * solution.last_f.reshape(-1, q) + last.steady_s,
+    )
 
 
-def _times(trajectory: TwoSidedTrajectory, tolerance: float) -> tuple[float, float]:
-    """How long before the first and after the last breakpoint [G; F] is away from the particular solution."""
-    first, last = (trajectory.generators[trajectory.kind[end]] for end in (0, -1))
-    before = Departure(-first.M_b[:-1, :-1], first.X_b[:, :-1], trajectory.v_b[0, : len(first.M_b) - 1])
-    after = Departure(last.M_f[:-1, :-1], last.X_f[:, :-1], trajectory.v_f[-1, : len(last.M_f) - 1])
-    # A part that does not decay relative to the exosystem's state never comes within the tolerance.
-    lasting = [len(d.v) > 0 and bool(np.max(np.linalg.eigvals(d.M).real) >= 0) for d in (before, after)]
-    nothing = Departure(np.zeros((0, 0)), np.zeros((len(first.X_b), 0)), np.zeros(0))
-    decaying = [nothing if lasts else d for lasts, d in zip(lasting, (before, after), strict=True)]
-    times = actuation_times(trajectory, (decaying[0], decaying[1]), tolerance, None)
-    return (np.inf if lasting[0] else times[0]), (np.inf if lasting[1] else times[1])
-
-
-def _boundary(
-    trajectory: TwoSidedTrajectory, pieces: Sequence[MapPiece], kind: NDArray[np.intp], jumps: Jumps, admissible: Array
-) -> float:
+def _boundary(trajectory: Trajectory, pieces: Sequence[MapPiece], kind: NDArray[np.intp], jumps: Jumps, admissible: Array) -> float:
     """How far Z_s is from its particular solution just after the first breakpoint, and Z_u from its own just before the last one.
 
     From values of G inside the manoeuvre, on the admissible (weighted) states; where the plant is the same on both sides on all.

@@ -54,7 +54,7 @@ def francis(system: Any, A_e: ArrayLike, C_e: ArrayLike) -> Regulator:
         raise TrajectoryError("A_e or C_e has entries that are not finite")
     if A_x.shape != (q, q) or C_x.shape != (plant.n_channels, q) or not q:
         raise TrajectoryError(
-            f"expected A_e (q, q) and C_e ({plant.n_channels}, q) for the outputs {list(plant.output_names)}, got {A_x.shape} and "
+            f"expected A_e (q, q) and C_e ({plant.n_channels}, q) for the outputs {list(plant.outputs.names)}, got {A_x.shape} and "
             f"{C_x.shape}"
         )
     scale = balancing_scale(A_x, within_parts=True)  # x_e in units of its own: exact, and undone in the end

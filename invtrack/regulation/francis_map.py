@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from invtrack.errors import InversionError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
-from invtrack.plans.plan import TwoSidedGenerator, TwoSidedTrajectory
+from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
+from invtrack.plans.two_sided_problem import Pieces, two_sided_trajectory
 from invtrack.references.exosystem import Exosystem
 from invtrack.regulation.admissible import admissible_states, directions_left, inadmissible_states, largest_jump, map_jumps
 from invtrack.regulation.exosystem_map import require_outputs
 from invtrack.regulation.francis import francis
 from invtrack.regulation.map_certificate import certify_map
-from invtrack.regulation.map_pieces import inner_times, map_breakpoints
+from invtrack.regulation.map_pieces import inner_times, map_breakpoints, unweighted, visibility
 from invtrack.regulation.regulation_map import PlanPieces, RegulationMap
-from invtrack.regulation.visibility import unweighted, visibility
 
 Array = NDArray[np.float64]
 
@@ -55,21 +55,23 @@ def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem
     middles = inner_times(breakpoints)
     weights = visibility(exosystem, plant)
     comparable = exosystem.weighted(weights)
-    generators: list[TwoSidedGenerator] = []
-    plans: list[TwoSidedGenerator] = []
-    found: dict[tuple[int, int, int, bool], int] = {}
+    q = exosystem.n_states
+    maps: list[DrivenSystem] = []
+    plans: list[DrivenSystem] = []
+    found: dict[tuple[int, int], int] = {}
     kind = np.empty(len(middles), dtype=np.intp)
-    owners = zip(assumed.interval(middles).tolist(), exosystem.interval(middles).tolist(), strict=True)
-    for j, (k, e) in enumerate(owners):
-        key = (id(assumed.systems[k]), id(exosystem.A[e]), id(exosystem.C[e]), j == 0)
+    for j, (k, e) in enumerate(zip(assumed.interval(middles).tolist(), exosystem.interval(middles).tolist(), strict=True)):
+        key = (int(assumed.numbers[k]), int(exosystem.numbers[e]))
         if key not in found:
-            found[key] = len(generators)
-            generator, plan = _generators(assumed.systems[k], comparable.A[e], comparable.C[e], weights, before=j == 0)
-            generators.append(generator)
-            plans.append(plan)
+            found[key] = len(maps)
+            rows = _rows(assumed.systems[k], comparable.A[e], comparable.C[e])
+            n_u = assumed.n_states + assumed.n_channels
+            maps.append(_static((rows[:n_u] * weights).reshape(-1, 1), np.zeros((1, 1))))
+            plans.append(_static(rows, comparable.A[e]))
         kind[j] = found[key]
-    trajectory = TwoSidedTrajectory(breakpoints, tuple(generators), kind, np.ones((len(kind), 1)), np.ones((len(kind), 1)))
-    weighting = np.broadcast_to(np.diag(weights), (len(kind), len(weights), len(weights)))
+    ones, none = np.ones((len(kind), 1)), np.zeros((len(kind) - 2, 0))
+    trajectory = two_sided_trajectory(Pieces(breakpoints, maps, kind, ones, ones), none, none, none[:0].ravel(), none[:0].ravel())
+    empty, edge = np.zeros((len(kind) - 2, 0, q)), np.zeros((0, q))
     jumps = map_jumps(trajectory, exosystem, plant, weights)
     admissible = admissible_states(jumps)
     manoeuvre = (float(breakpoints[0]), float(breakpoints[-1]))
@@ -78,7 +80,7 @@ def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem
         model=plant,
         exosystem=exosystem,
         trajectory=trajectory,
-        pieces=PlanPieces(tuple(plans), kind, weighting, weighting),
+        pieces=PlanPieces(tuple(plans), kind, empty, empty, edge, edge),
         manoeuvre=manoeuvre,
         preactuation=0.0,
         postactuation=0.0,
@@ -100,22 +102,17 @@ def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem
     )
 
 
-def _generators(
-    system: StateSpace, A_e: Array, C_e: Array, weights: Array, *, before: bool
-) -> tuple[TwoSidedGenerator, TwoSidedGenerator]:
-    """Those of [G; F], constant, and of [x; u; y], driven by w x_e; before the first breakpoint both run backward."""
-    n, p, q = system.n_states, system.n_channels, len(A_e)
-    rows = np.zeros((n + p, q))  # no output, no motion: also where the plant could not hold a constant one
+def _rows(system: StateSpace, A_e: Array, C_e: Array) -> Array:
+    """[Pi; Gamma; C_e] (n + 2 p, q) of one plant and one exosystem: what takes x_e to [x; u; y]."""
+    n, p = system.n_states, system.n_channels
+    rows = np.zeros((n + p, len(A_e)))  # no output, no motion: also where the plant could not hold a constant one
     if np.any(C_e):
         regulator = francis(system, A_e, C_e)
         rows = np.vstack([regulator.Pi, regulator.Gamma])
-    planned = np.vstack([rows, system.C @ rows[:n] + system.D @ rows[n:]])
-    return (
-        _one_sided(np.zeros((1, 1)), (rows * weights).reshape(-1, 1), before=before),
-        _one_sided(A_e, planned, before=before),
-    )
+    return np.vstack([rows, system.C @ rows[:n] + system.D @ rows[n:]])
 
 
-def _one_sided(M: Array, X: Array, *, before: bool) -> TwoSidedGenerator:
-    none, no_columns = np.zeros((0, 0)), np.zeros((len(X), 0))
-    return TwoSidedGenerator(none, no_columns, M, X) if before else TwoSidedGenerator(M, X, none, no_columns)
+def _static(X: Array, S: Array) -> DrivenSystem:
+    """X w, w' = S w: a two-sided system without states of its own."""
+    none, nothing = Part.empty(len(X), 0), np.zeros((0, len(S)))
+    return DrivenSystem(TwoSidedSystem(none, none, np.zeros((0, 0))), S, nothing, nothing, X, nothing)

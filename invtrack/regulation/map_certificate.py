@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.errors import PlanError
 from invtrack.linear.scaling import unit_ratios
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.plan import TwoSidedTrajectory
+from invtrack.plans.certificate import ACCURACY
+from invtrack.plans.trajectory import Trajectory
 from invtrack.references.exosystem import Exosystem
 from invtrack.regulation.admissible import entry_sizes
-from invtrack.regulation.visibility import column_weights
+from invtrack.regulation.map_pieces import column_weights
 
 Array = NDArray[np.float64]
 
@@ -38,11 +40,20 @@ class RegulationCertificate:
     boundary_residual: float
     continuity: float
 
+    def require(self) -> None:
+        """The last guard: raises PlanError for a map that misses its own equations by more than ACCURACY, whatever the reason."""
+        worst = max(self.dynamics_residual, self.output_error, self.boundary_residual, self.continuity)
+        if not worst <= ACCURACY:
+            raise PlanError(
+                f"the exosystem's map is too ill-conditioned to be trusted: it misses its own equations by {worst:.1e} of its size "
+                f"({self}); look for states in badly chosen units, or for exosystem modes that grow or decay by many powers of ten"
+            )
+
 
 def certify_map(
     model: SwitchedSystem,
     exosystem: Exosystem,
-    trajectory: TwoSidedTrajectory,
+    trajectory: Trajectory,
     span: tuple[float, float],
     *,
     weights: Array,
@@ -86,16 +97,16 @@ def certify_map(
     )
 
 
-def _panels(trajectory: TwoSidedTrajectory, span: tuple[float, float]) -> tuple[Array, Array, NDArray[np.intp]]:
+def _panels(trajectory: Trajectory, span: tuple[float, float]) -> tuple[Array, Array, NDArray[np.intp]]:
     """Starts, ends and pieces of panels that cross no breakpoint, each short against the fastest dynamics of its piece."""
     inner = trajectory.breakpoints
     edges = np.concatenate([[min(span[0], inner[0] - 1.0)], inner, [max(span[1], inner[-1] + 1.0)]])
-    fastest = np.array([max(np.linalg.norm(M, 2) for M in (g.M_f, g.M_b) if M.size) for g in trajectory.generators])
+    fastest = trajectory.paces()
     per_piece = max(1, TOTAL_PANELS // (len(edges) - 1))
     starts, ends, owners = [], [], []
     for j in range(0, len(edges) - 1, max(1, (len(edges) - 1) // TOTAL_PANELS)):
         length = edges[j + 1] - edges[j]
-        panel = min(length, 1.0 / max(float(fastest[trajectory.kind[j]]), np.finfo(float).tiny))
+        panel = min(length, 1.0 / max(float(fastest[j]), np.finfo(float).tiny))
         count = int(min(np.ceil(length / panel), per_piece, 200))
         first = edges[j] + (length - panel) * np.linspace(0.0, 1.0, count)
         starts.append(first)

@@ -5,28 +5,54 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from invtrack.errors import InversionError
-from invtrack.inversion.bounded_solution.pieces import InversePiece, inverse_piece
+from invtrack.inversion.exact import InverseSystem
 from invtrack.linear.internal_dynamics import SplitDynamics
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.plan import TwoSidedGenerator
+from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.references.exosystem import Exosystem
 from invtrack.references.signal import Generator
 from invtrack.regulation.francis import francis
 
 Array = NDArray[np.float64]
 
-Place = Literal["before", "inside", "after"]
-
 LARGEST_GROWTH = 3.0
 """Time constants of the exosystem within one piece: over more of them Z, relative to x_e, would grow or decay beyond e^3."""
+
+
+def visibility(exosystem: Exosystem, plant: SwitchedSystem) -> Array:
+    """How strongly each state shows in y_d, as powers of two w (q,): exact to divide by; zero for a state that never shows.
+
+    w = |C_e| (I + |A_e| / s + ... + (|A_e| / s)^(q - 1)), with the largest entries of all intervals and outputs, and s the rate of
+    the faster of exosystem and plant. Columns of the map from w x_e are of similar size whatever units the states of the exosystem
+    came in. The pattern of the matrices alone decides what never shows: x_e need not be observable where w > 0.
+    """
+    M = np.max(np.abs(exosystem.A), axis=0)
+    shown: Array = np.max(np.abs(exosystem.C), axis=(0, 1))
+    matrices = [M, *{id(system): system.A for system in plant.systems}.values()]
+    rate = max(float(np.max(np.abs(np.linalg.eigvals(matrix)))) for matrix in matrices)
+    term = shown
+    for _ in range(exosystem.n_states - 1):
+        term = term @ M / (rate if rate > 0 else 1.0)  # integrators alone have no rate of their own
+        shown = shown + term
+    seen = shown > 0
+    return np.where(seen, np.exp2(np.rint(np.log2(np.where(seen, shown, 1.0)))), 0.0)
+
+
+def column_weights(weights: Array) -> Array:
+    """Weights to divide by (q,): 1 for a state that never shows, whose columns are zero."""
+    return np.where(weights > 0, weights, 1.0)
+
+
+def unweighted(states: Array, weights: Array) -> Array:
+    """The states x_e in the columns of `states` (q, d) = w x_e, to unit length."""
+    found = states / column_weights(weights)[:, None]
+    return np.asarray(found / np.linalg.norm(found, axis=0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +62,10 @@ class MapPiece:
     Z_s' = A_s Z_s - Z_s A_e + D_s, forward from the piece's start, Z_u' = A_u Z_u - Z_u A_e + D_u, backward from its end. On pieces
     without end Z_s, Z_u are distances from the bounded particular solution steady_s, steady_u, which is then in `base`, and D_s and
     D_u are zero. Shapes: from_s (n + p, n_s), from_u (n + p, n_u), base (n + p, q), D_s (n_s, q), D_u (n_u, q). All of this holds
-    for the exosystem's states times their `weights` (q,). plan: the generator of [x; u; y] for one trajectory of it.
+    for the exosystem's states times their `weights` (q,). plan: the inverse of the plant driven by the exosystem, whose states are
+    (Z_s + steady_s) x_e and (Z_u + steady_u) x_e.
     """
 
-    place: Place
     split: SplitDynamics
     A_e: Array
     from_s: Array
@@ -49,42 +75,29 @@ class MapPiece:
     D_u: Array
     steady_s: Array
     steady_u: Array
-    plan: TwoSidedGenerator
+    plan: DrivenSystem
     weights: Array
 
     @cached_property
-    def constant(self) -> float:
-        """The constant beside the entries of Z: a power of two with which the drive D / constant is no larger than the dynamics."""
-        drive = max(float(np.max(np.abs(D), initial=0.0)) for D in (self.D_s, self.D_u))
-        pace = max(float(np.linalg.norm(A)) for A in (self.split.A_s, self.split.A_u, self.A_e))
-        return float(2.0 ** np.ceil(np.log2(drive / pace))) if drive > 0 and pace > 0 else 1.0
+    def driven(self) -> DrivenSystem:
+        """The piece as a two-sided system: vec(Z_s), vec(Z_u) row by row, driven by a reference that stays at 1.
 
-    @cached_property
-    def generator(self) -> TwoSidedGenerator:
-        """[G; F] row by row, in the states' own units, from v = [Z row by row; constant]; vec(Z A_e) = (I x A_e') vec(Z)."""
-        none, base = np.zeros((0, 0)), (self.base * self.weights).reshape(-1, 1) / self.constant
-        no_columns, zero = np.zeros((base.size, 0)), np.zeros_like(base)
-        M_s, M_u = (self._driven(A, D) for A, D in ((self.split.A_s, self.D_s), (self.split.A_u, self.D_u)))
-        X_s, X_u = np.kron(self.from_s, np.diag(self.weights)), np.kron(self.from_u, np.diag(self.weights))
-        if self.place == "before":
-            return TwoSidedGenerator(none, no_columns, M_u, np.hstack([X_u, base]))
-        if self.place == "after":
-            return TwoSidedGenerator(M_s, np.hstack([X_s, base]), none, no_columns)
-        return TwoSidedGenerator(M_s, np.hstack([X_s, base]), M_u, np.hstack([X_u, zero]))
-
-    @property
-    def settled(self) -> TwoSidedGenerator:
-        """[G; F] of an endless piece whose Z is zero: constant for all time, where its equations might grow without bound."""
-        none, base = np.zeros((0, 0)), (self.base * self.weights).reshape(-1, 1) / self.constant
-        no_columns, still = np.zeros((base.size, 0)), np.zeros((1, 1))
-        if self.place == "before":
-            return TwoSidedGenerator(none, no_columns, still, base)
-        return TwoSidedGenerator(still, base, none, no_columns)
-
-    def _driven(self, A: Array, D: Array) -> Array:
-        q = len(self.A_e)
-        K = np.kron(A, np.eye(q)) - np.kron(np.eye(len(A)), self.A_e.T)
-        return np.block([[K, D.reshape(-1, 1) / self.constant], [np.zeros((1, len(K) + 1))]])
+        Its values are [G; F] row by row, in the states' own units; vec(Z A_e) = (I x A_e') vec(Z). What is continuous is G.
+        """
+        form, q, n = self.split.internal.form, len(self.A_e), len(self.split.internal.form.V)
+        T = np.vstack([form.C_star, self.split.L_s @ form.N, self.split.L_u @ form.N])
+        parts: list[Part] = []
+        for A, X in ((self.split.A_s, self.from_s), (self.split.A_u, self.from_u)):
+            K = _kron(A, np.eye(q)) - _kron(np.eye(len(A)), self.A_e.T)
+            parts.append(Part(K, _kron(X, np.diag(self.weights)), _kron(X[:n], np.eye(q))))
+        return DrivenSystem(
+            system=TwoSidedSystem(parts[0], parts[1], _kron(T, np.eye(q)), len(form.C_star) * q),
+            S=np.zeros((1, 1)),
+            D_f=self.D_s.reshape(-1, 1),
+            D_b=self.D_u.reshape(-1, 1),
+            X_w=(self.base * self.weights).reshape(-1, 1),
+            J_w=self.base[:n].reshape(-1, 1),
+        )
 
 
 def map_pieces(
@@ -93,17 +106,15 @@ def map_pieces(
     """The distinct pieces, and which of them lies before, between and after the breakpoints, (m + 2,); weights: `visibility`."""
     exosystem = exosystem.weighted(weights)
     middles = inner_times(breakpoints)
-    keys: list[tuple[int, int, Place]] = []
-    for j, (k, e) in enumerate(zip(plant.interval(middles).tolist(), exosystem.interval(middles).tolist(), strict=True)):
-        keys.append((k, e, "before" if j == 0 else "after" if j == len(middles) - 1 else "inside"))
-    found: dict[tuple[int, int, int, Place], int] = {}
+    found: dict[tuple[int, int, bool], int] = {}
     pieces: list[MapPiece] = []
-    kind = np.empty(len(keys), dtype=np.intp)
-    for j, (k, e, place) in enumerate(keys):
-        identity = (id(plant.systems[k]), id(exosystem.A[e]), id(exosystem.C[e]), place)
+    kind = np.empty(len(middles), dtype=np.intp)
+    owners = zip(plant.interval(middles).tolist(), exosystem.interval(middles).tolist(), strict=True)
+    for j, (k, e) in enumerate(owners):
+        identity = (int(plant.numbers[k]), int(exosystem.numbers[e]), j in (0, len(middles) - 1))
         if identity not in found:
             found[identity] = len(pieces)
-            pieces.append(_map_piece(plant.systems[k], splits[k], exosystem.A[e], exosystem.C[e], place, weights))
+            pieces.append(_map_piece(plant.systems[k], splits[k], exosystem.A[e], exosystem.C[e], identity[2], weights))
         kind[j] = found[identity]
     return pieces, kind
 
@@ -126,33 +137,30 @@ def map_breakpoints(plant: SwitchedSystem, exosystem: Exosystem) -> Array:
     return np.sort(np.concatenate([edges, *stops]))
 
 
-def _map_piece(system: StateSpace, split: SplitDynamics, A_e: Array, C_e: Array, place: Place, weights: Array) -> MapPiece:
+def _map_piece(system: StateSpace, split: SplitDynamics, A_e: Array, C_e: Array, endless: bool, weights: Array) -> MapPiece:
     n, p = system.n_states, system.n_channels
-    endless = place != "inside"
     if endless and np.any(C_e):
         _require_no_resonance(system, A_e, C_e)
-    inverse = inverse_piece(system, split, Generator(A_e, C_e), endless=endless)
-    n_s, n_u = len(split.A_s), len(split.A_u)
-    from_s, from_w = inverse.inside.X_f[: n + p, :n_s], inverse.inside.X_f[: n + p, n_s:]
-    from_u = inverse.inside.X_b[: n + p, :n_u]
+    plan = InverseSystem.of(system, split).driven(Generator(A_e, C_e))
+    from_s, from_u, from_w = (X[: n + p] for X in (plan.system.forward.X, plan.system.backward.X, plan.X_w))
+    steady_s, steady_u = plan.steady() if endless else (np.zeros_like(plan.D_f), np.zeros_like(plan.D_b))
     return MapPiece(
-        place=place,
         split=split,
         A_e=A_e,
         from_s=from_s,
         from_u=from_u,
-        base=from_w + from_s @ inverse.steady_s + from_u @ inverse.steady_u,
-        D_s=np.zeros_like(inverse.D_s) if endless else inverse.D_s,
-        D_u=np.zeros_like(inverse.D_u) if endless else inverse.D_u,
-        steady_s=inverse.steady_s,
-        steady_u=inverse.steady_u,
-        plan=_plan(inverse, place),
+        base=from_w + from_s @ steady_s + from_u @ steady_u,
+        D_s=np.zeros_like(plan.D_f) if endless else plan.D_f,
+        D_u=np.zeros_like(plan.D_b) if endless else plan.D_b,
+        steady_s=steady_s,
+        steady_u=steady_u,
+        plan=plan,
         weights=weights,
     )
 
 
-def _plan(inverse: InversePiece, place: Place) -> TwoSidedGenerator:
-    return {"before": inverse.before, "inside": inverse.inside, "after": inverse.after}[place]
+def _kron(A: Array, B: Array) -> Array:
+    return np.asarray(np.kron(A, B), dtype=np.float64)
 
 
 def _require_no_resonance(system: StateSpace, A_e: Array, C_e: Array) -> None:
@@ -166,10 +174,3 @@ def internal_parts(piece: MapPiece, G: Array) -> tuple[Array, Array]:
     """L_s N G and L_u N G: the internal coordinates of a map G (n, q)."""
     eta = piece.split.internal.form.N @ G
     return piece.split.L_s @ eta, piece.split.L_u @ eta
-
-
-def transition(piece: MapPiece, length: float, direction: Literal["forward", "backward"]) -> tuple[Array, Array]:
-    """E, p with vec(Z) at the far end = E vec(Z) at the near one + p, over `length` [s]: Z_s forward, Z_u backward."""
-    M = piece.generator.M_f if direction == "forward" else -piece.generator.M_b
-    carried = scipy.linalg.expm(M * length)
-    return carried[:-1, :-1], carried[:-1, -1] * piece.constant

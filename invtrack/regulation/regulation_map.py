@@ -12,8 +12,11 @@ from invtrack.checks import real_numbers
 from invtrack.errors import InversionError, TrajectoryError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import certify
-from invtrack.plans.ends import Departure, actuation_times
-from invtrack.plans.plan import Plan, TwoSidedGenerator, TwoSidedTrajectory
+from invtrack.plans.plan import Plan
+from invtrack.plans.problem import actuation_times
+from invtrack.plans.trajectory import Trajectory
+from invtrack.plans.two_sided import DrivenSystem
+from invtrack.plans.two_sided_problem import Pieces, two_sided_trajectory
 from invtrack.references.exosystem import Exosystem
 from invtrack.references.profiles import constant
 from invtrack.references.signal import PiecewiseSignal
@@ -28,16 +31,26 @@ ADMISSIBLE_TOLERANCE = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class PlanPieces:
-    """What turns an exosystem's trajectory into a planned one: pieces driven by [v; x_e], as in Plan.
+    """What turns an exosystem's trajectory into a planned one: two-sided systems of [x; u; y] driven by the weighted x_e.
 
-    generators: two-sided generators of [x; u; y], kind (m + 2,): the one of each piece. Z_f (m + 2, ., q): v_f = Z_f x_e at the
-    start of each piece; Z_b (m + 2, ., q): v_b = Z_b x_e at its end.
+    driven, which (m + 2,): the one of each piece. Z_f (m, n_f, q): z_f = Z_f x_e at the start of each inner piece; Z_b (m, n_b, q):
+    z_b = Z_b x_e at its end. first_b (n_b, q), last_f (n_f, q): the same at the manoeuvre's start and end, for the tails.
     """
 
-    generators: tuple[TwoSidedGenerator, ...]
-    kind: NDArray[np.intp]
+    driven: tuple[DrivenSystem, ...]
+    which: NDArray[np.intp]
     Z_f: Array
     Z_b: Array
+    first_b: Array
+    last_f: Array
+
+    def trajectory(self, breakpoints: Array, x_e: Array) -> Trajectory:
+        """The plan for weighted exosystem states x_e (m + 1, q) at the breakpoints."""
+        starts, ends = np.concatenate([x_e[:1], x_e]), np.concatenate([x_e, x_e[-1:]])
+        pieces = Pieces(breakpoints, self.driven, self.which, starts, ends)
+        z_f = np.einsum("kij,kj->ki", self.Z_f, starts[1:-1])
+        z_b = np.einsum("kij,kj->ki", self.Z_b, ends[1:-1])
+        return two_sided_trajectory(pieces, z_f, z_b, self.first_b @ x_e[0], self.last_f @ x_e[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +74,7 @@ class RegulationMap:
     method: str
     model: SwitchedSystem
     exosystem: Exosystem
-    trajectory: TwoSidedTrajectory
+    trajectory: Trajectory
     pieces: PlanPieces
     manoeuvre: tuple[float, float]
     preactuation: float
@@ -133,8 +146,8 @@ class RegulationMap:
         x_0, T_i = self._at_start(x_e, at), self.manoeuvre[0]
         point = self.model.operating_point
         deviation = self._comparable.reference(x_0, at=T_i).refined(self.breakpoints)
-        trajectory = self._plan(self._comparable.states(x_0, T_i, self.breakpoints) / self._sizes)
-        preactuation, postactuation = actuation_times(trajectory, self._departures(trajectory), self.tolerance, None)[:2]
+        trajectory = self.pieces.trajectory(self.breakpoints, self._comparable.states(x_0, T_i, self.breakpoints))
+        preactuation, postactuation, _ = actuation_times(trajectory, self.manoeuvre, self.tolerance)
         span = (self.manoeuvre[0] - preactuation, self.manoeuvre[1] + postactuation)
         # An exosystem that grows without end leaves the range of numbers where the certificate looks for rest: there is none.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -180,30 +193,6 @@ class RegulationMap:
             raise TrajectoryError(f"expected an exosystem state of {len(names)} entries {names}, got shape {x.shape}")
         x = self._sizes * x
         return x if at is None else self._comparable.transition(at, self.manoeuvre[0]) @ x
-
-    def _plan(self, x_e: Array) -> TwoSidedTrajectory:
-        """The two-sided plan for exosystem states x_e (m + 1, q) at the breakpoints."""
-        starts, ends = np.concatenate([x_e[:1], x_e]), np.concatenate([x_e, x_e[-1:]])
-        v_f, v_b = np.einsum("kij,kj->ki", self.pieces.Z_f, starts), np.einsum("kij,kj->ki", self.pieces.Z_b, ends)
-        return TwoSidedTrajectory(self.breakpoints, self.pieces.generators, self.pieces.kind, v_f, v_b)
-
-    def _departures(self, trajectory: TwoSidedTrajectory) -> tuple[Departure, Departure]:
-        """What dies out before T_i and after T_f: distances from the bounded particular solutions."""
-        q, first, last = self.exosystem.n_states, self._end_states(0), self._end_states(-1)
-        before, after = (trajectory.generators[trajectory.kind[end]] for end in (0, -1))
-        n_u, n_s = len(before.M_b) - q, len(after.M_f) - q
-        u, s = first @ trajectory.v_b[0, n_u : n_u + q], last @ trajectory.v_f[-1, n_s : n_s + q]
-        return (
-            Departure(-before.M_b[: len(u), : len(u)], before.X_b[:, : len(u)], u),
-            Departure(after.M_f[: len(s), : len(s)], after.X_f[:, : len(s)], s),
-        )
-
-    def _end_states(self, end: int) -> Array:
-        """Z of the first or the last piece, its distance from the particular solution; no rows where there is none."""
-        generator, q = self.trajectory.generators[self.trajectory.kind[end]], self.exosystem.n_states
-        v, M = (self.trajectory.v_f[-1], generator.M_f) if end else (self.trajectory.v_b[0], generator.M_b)
-        Z: Array = v[: len(M) - 1].reshape(-1, q)  # behind its entries stands a constant
-        return Z
 
 
 def _absolute(deviation: PiecewiseSignal, y_0: Array) -> PiecewiseSignal:

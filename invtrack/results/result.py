@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
 
 Array = NDArray[np.float64]
@@ -16,32 +17,32 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Signal:
-    """Named channels over a run: values (samples, channels), one name and one unit ("m", "rad", "N", "1", ...) per channel."""
+    """Channels over a run: values (samples, channels), in the units of the channels.
+
+    Raises InvtrackError where the numbers of columns and channels differ.
+    """
 
     values: Array
-    names: tuple[str, ...]
-    units: tuple[str, ...]
+    channels: Channels
 
     def __post_init__(self) -> None:
-        channels = (len(self.names), len(self.units))
-        if self.values.ndim != 2 or channels != (self.values.shape[1],) * 2:
-            raise InvtrackError(f"signal of shape {self.values.shape} has {channels[0]} names and {channels[1]} units")
+        if self.values.ndim != 2 or self.values.shape[1] != len(self.channels):
+            raise InvtrackError(
+                f"expected values (samples, {len(self.channels)}) of {self.channels}, got shape {self.values.shape}"
+            )
 
     @classmethod
     def without_channels(cls) -> Signal:
         """The signal of something that a run does not have."""
-        return cls(np.zeros((0, 0)), (), ())
+        return cls(np.zeros((0, 0)), Channels())
 
     def __getitem__(self, name: str) -> Array:
-        """The samples of one channel, by name."""
-        if name not in self.names:
-            raise KeyError(f"no channel named {name!r}; there are: {', '.join(self.names)}")
-        return self.values[:, self.names.index(name)]
+        """The samples of one channel, by name. Raises ChannelError, with the names there are, where there is none."""
+        return self.values[:, self.channels.index(name)]
 
     def equals(self, other: Signal) -> bool:
         """Bit-for-bit equality of values (NaNs alike), names and units."""
-        same_labels = self.names == other.names and self.units == other.units
-        return same_labels and np.array_equal(self.values, other.values, equal_nan=True)
+        return self.channels == other.channels and np.array_equal(self.values, other.values, equal_nan=True)
 
 
 @dataclass(frozen=True)
@@ -67,9 +68,9 @@ class RunResult:
     limits; with evaluate="stages" the value at mid-step. measured, estimate: what the sensors showed at the latest update and the
     state estimated from it; without channels for controllers that know the state. parameters: the named physical parameters in
     force. parameter_bodies: for parameters that belong to one body, its name. qpos: (N + 1, nq) generalized positions; empty for
-    plants without geometry. manoeuvre: (T_i, T_f) [s]. vibration_period: period [s] of the slowest flexible mode of the plant as
-    it is at the end, NaN where it has none. timestep: the largest step asked for [s]; evaluate: "held" or "stages". status:
-    "completed" or "diverged", with the reason in `message`. mjb: the compiled MuJoCo model (binary), for the 3-D scene.
+    plants without geometry. manoeuvre: (T_i, T_f) [s]. vibration_period: period [s] of the slowest flexible mode of the plan's
+    model in its last interval, NaN where it has none. timestep: the largest step asked for [s]; evaluate: "held" or "stages".
+    status: "completed" or "diverged", with the reason in `message`. mjb: the compiled MuJoCo model (binary), for the 3-D scene.
     """
 
     name: str
@@ -100,7 +101,7 @@ class RunResult:
     def __repr__(self) -> str:
         """What it is, without its arrays."""
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s in {len(self.time) - 1} steps" if len(self.time) else "no samples"
-        return f"<RunResult {self.name!r} of {self.model!r}: {self.status}, {span}, outputs {list(self.output.names)}>"
+        return f"<RunResult {self.name!r} of {self.model!r}: {self.status}, {span}, outputs {list(self.output.channels.names)}>"
 
     @property
     def error(self) -> Array:
@@ -127,7 +128,7 @@ class RunResult:
             if len(signal.values) == 0:
                 return signal
             rows = kept if len(signal.values) == len(self.time) else steps
-            return Signal(signal.values[rows], signal.names, signal.units)
+            return Signal(signal.values[rows], signal.channels)
 
         fields: dict[str, Any] = {name: part(value) for name, value in vars(self).items() if isinstance(value, Signal)}
         qpos = self.qpos[kept] if len(self.qpos) else self.qpos

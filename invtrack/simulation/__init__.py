@@ -1,0 +1,17 @@
+"""The closed loop: a plant in MuJoCo, or its linear model, driven by a controller and recorded."""
+
+from invtrack.simulation.closed_loop import simulate
+from invtrack.simulation.linear_plant import LinearPlant, LinearStageInput, LinearStepper
+from invtrack.simulation.sensors import Sensor
+from invtrack.simulation.simulated_plant import SimulatedPlant, StageInput, Stepper
+
+__all__ = [
+    "LinearPlant",
+    "LinearStageInput",
+    "LinearStepper",
+    "Sensor",
+    "SimulatedPlant",
+    "StageInput",
+    "Stepper",
+    "simulate",
+]

@@ -3,30 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Literal
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.channels import Channels
 from invtrack.control.protocol import Controller
 from invtrack.errors import SimulationError
-from invtrack.plant.change import Change, ordered
+from invtrack.linear.switched import slowest_flexible_period
+from invtrack.plant.parameters import Change, ordered
 from invtrack.plant.plant import Plant
-from invtrack.results.result import RunResult
+from invtrack.results.result import Event, RunResult, Signal
 from invtrack.simulation.grid import Grid, held_instants, make_grid, stage_instants, update_times, updates_of_steps
-from invtrack.simulation.linear_plant import LinearPlant
-from invtrack.simulation.mujoco_plant import MujocoPlant
+from invtrack.simulation.linear_plant import LinearPlant, linear_plant
+from invtrack.simulation.mujoco_plant import mujoco_plant
 from invtrack.simulation.preflight import (
     require_fit,
+    require_known_parameters,
+    require_planned_parameters,
     warn_of_limits,
     warn_of_start,
     warn_of_unstable_holds,
     warn_of_unused_sensors,
 )
-from invtrack.simulation.run_record import Circumstances, make_result
 from invtrack.simulation.sensors import Sensor, SensorChain
 from invtrack.simulation.simulated_plant import SimulatedPlant
-from invtrack.simulation.stepping import Progress, Run
+from invtrack.simulation.stepping import Progress, Recorded, Run
 
 Array = NDArray[np.float64]
 
@@ -38,7 +42,7 @@ def simulate(
     plant: Plant | LinearPlant,
     controller: Controller,
     *,
-    schedule: Sequence[Change] = (),
+    schedule: Sequence[Change] | None = None,
     timestep: float = 1e-3,
     start: float | None = None,
     end: float | None = None,
@@ -52,13 +56,19 @@ def simulate(
     """Drive a plant with a controller and record everything.
 
     plant: a MuJoCo plant, or a LinearPlant in its place; it starts at rest at its operating point, or at `initial_state` (n,).
+    controller: what acts on it; its plan sets the span of the run and what errors are measured against.
     schedule: when physical parameters really change, known to the controller or not; positions and velocities are continuous there.
+        By default what the plan was made for happens: the parameters have the values of its model's first interval, and change at
+        its switch times. With a schedule they have the plant's own values until its first change; () lets nothing change. A
+        LinearPlant has its own switch times in place of all this.
     timestep [s]: no step is longer; each interval between breakpoints (of schedule, controller, its updates and reference) is
-    divided evenly. start, end [s]: by default from the plan's preactuation until it has come to rest, and at least 5 periods of
-    the slowest flexible mode after the manoeuvre. evaluate: "held" holds the feedforward's mean over each update's hold (error of
-    order hold^2), "stages" evaluates the law at every stage of RK4 (order timestep^4). sensors: noise, quantization and delay
-    of named measurements, for controllers that use them; seed: of the noise. progress: called now and then with the share of the
-    run that is done.
+        divided evenly.
+    start, end [s]: by default from the plan's preactuation until it has come to rest, and at least 5 periods of the slowest
+        flexible mode of the last interval of the plan's model after the manoeuvre.
+    evaluate: "held" holds the feedforward's mean over each update's hold (error of order hold^2), "stages" evaluates the law at
+        every stage of RK4 (order timestep^4).
+    sensors: noise, quantization and delay of named measurements, for controllers that use them; seed: of the noise.
+    name: of the case. progress: called now and then with the share of the run that is done.
 
     A run that diverges (a state that is not finite, or MuJoCo's warnings about one) stops there; the result holds what was
     recorded, status "diverged" and the cause. A RuntimeWarning says beforehand where the plan needs more input than the actuators
@@ -67,16 +77,18 @@ def simulate(
 
     Raises SimulationError, PlantError for what cannot be simulated as asked.
     """
-    simulated: SimulatedPlant = MujocoPlant(plant) if isinstance(plant, Plant) else plant
-    changes = ordered(schedule)
-    require_fit(simulated, controller, evaluate, changes)
+    simulated = mujoco_plant(plant) if isinstance(plant, Plant) else linear_plant(plant)
+    require_fit(simulated, controller, evaluate)
+    plan = controller.plan
+    if schedule is None and isinstance(plant, Plant):
+        values, changes = plan.model.parameters, [Change(time, **new) for time, new in plan.schedule]
+        require_planned_parameters(simulated, values)
+    else:
+        values, changes = {}, ordered(schedule or ())
+        require_known_parameters(simulated, changes)
     warn_of_limits(simulated, controller)
     warn_of_unused_sensors(controller, sensors or {})
-    plan = controller.plan
-    end_values = simulated.parameter_values
-    for change in changes:
-        end_values.update(change.parameters)
-    period = simulated.vibration_period(end_values)
+    period = slowest_flexible_period(plan.model.systems[-1].A)
     if start is None and initial_state is None:
         warn_of_start(simulated, controller)
     start = plan.start if start is None else float(start)
@@ -87,44 +99,115 @@ def simulate(
     for source in (controller.breakpoints, plan.breakpoints, simulated.breakpoints, updates):
         breakpoints.extend(source.tolist())
     grid = make_grid(start, end, breakpoints, timestep)
-    initial, later = _parameters_on_grid(simulated, changes, grid)
+    parameters = _Parameters.on_grid({**simulated.parameter_values, **values}, changes, grid)
     update = updates_of_steps(grid, updates)
     instants = stage_instants(grid) if evaluate == "stages" else held_instants(grid, update)
     warn_of_unstable_holds(controller, instants)
     run = Run(
-        stepper=simulated.stepper(_state(simulated, initial_state), initial),
+        stepper=simulated.stepper(_state(simulated, initial_state), parameters.initial),
         law=controller.begin(instants),
         grid=grid,
         update=update,
-        changes=later,
+        changes=parameters.later,
         measures=controller.measures,
-        sensors=SensorChain(simulated.measurement_names, sensors or {}, seed),
+        sensors=SensorChain(simulated.measurements.names, sensors or {}, seed),
     )
     recorded = run.go(at_stages=evaluate == "stages", progress=progress)
-    return make_result(
-        name, simulated, controller, recorded, Circumstances(grid, initial, later, timestep, evaluate, vibration_period=period)
-    )
+    stated = {"name": name, "timestep": timestep, "evaluate": evaluate, "vibration_period": period}
+    return _result(simulated, controller, grid, parameters, recorded, stated)
 
 
 def _state(plant: SimulatedPlant, initial_state: ArrayLike | None) -> Array:
     """The state (n,) to start in: at rest at the operating point unless given."""
-    n = len(plant.state_names)
+    n = len(plant.states)
     x_0 = np.zeros(n) if initial_state is None else np.array(initial_state, dtype=float)
     if x_0.shape != (n,):
-        raise SimulationError(f"initial_state has shape {x_0.shape}, expected ({n},): {', '.join(plant.state_names)}")
+        raise SimulationError(f"initial_state has shape {x_0.shape}, expected ({n},): {plant.states}")
     return x_0
 
 
-def _parameters_on_grid(
-    plant: SimulatedPlant, changes: Iterable[Change], grid: Grid
-) -> tuple[dict[str, float], dict[int, dict[str, float]]]:
-    """Parameter values at the start, and what changes at which edge of the grid."""
-    initial = plant.parameter_values
-    later: dict[int, dict[str, float]] = {}
-    for change in changes:
-        edge = grid.edge_index(change.time)
-        if change.time <= grid.edges[0]:
-            initial.update(change.parameters)
-        elif edge is not None and edge < len(grid.step):
-            later.setdefault(edge, {}).update(change.parameters)
-    return initial, later
+@dataclass(frozen=True, eq=False)
+class _Parameters:
+    """The physical parameters over a run: their values when it starts, and what changes at which edge of its grid."""
+
+    initial: dict[str, float]
+    later: dict[int, dict[str, float]]
+
+    @classmethod
+    def on_grid(cls, initial: Mapping[str, float], changes: Iterable[Change], grid: Grid) -> _Parameters:
+        """From values before all changes; what changes before the grid starts holds from its start on."""
+        values: dict[str, float] = dict(initial)
+        later: dict[int, dict[str, float]] = {}
+        for change in changes:
+            edge = grid.edge_index(change.time)
+            if change.time <= grid.edges[0]:
+                values.update(change.parameters)
+            elif edge is not None and edge < len(grid.step):
+                later.setdefault(edge, {}).update(change.parameters)
+        return cls(values, later)
+
+    def table(self, channels: Channels, grid: Grid) -> Array:
+        """The values in force in each step (N, .)."""
+        values, rows = dict(self.initial), []
+        for k in range(len(grid.step)):
+            values.update(self.later.get(k, {}))
+            rows.append([values[name] for name in channels.names])
+        return np.array(rows).reshape(len(grid.step), len(channels))[grid.interval]
+
+    def events(self, channels: Channels, grid: Grid) -> list[Event]:
+        """One event for each edge at which something changes."""
+        unit = dict(zip(channels.names, channels.units, strict=True))
+        return [
+            Event(
+                float(grid.edges[edge]),
+                "parameter",
+                ", ".join(f"{name} = {value:g} {unit[name]}" for name, value in values.items()),
+            )
+            for edge, values in self.later.items()
+        ]
+
+
+def _result(
+    plant: SimulatedPlant,
+    controller: Controller,
+    grid: Grid,
+    parameters: _Parameters,
+    recorded: Recorded,
+    stated: Mapping[str, Any],
+) -> RunResult:
+    """Attach what was wanted and what was planned, channels and events, and cut everything to the steps that were recorded."""
+    steps = len(recorded.u)
+    time = grid.time[: steps + 1]
+    plan = controller.plan(time, inside=np.append(grid.middle, grid.middle[-1])[: steps + 1])
+    message = f"stopped at t = {time[-1]:.6g} s: {recorded.cause}" if recorded.cause else ""
+    seen: dict[str, Any] = {}
+    if recorded.estimate.shape[1]:
+        seen["measured"] = Signal(recorded.measured, plant.measurements)
+        seen["estimate"] = Signal(recorded.estimate, plant.states)
+    T_i, T_f = controller.plan.manoeuvre
+    events = [Event(T_i, "manoeuvre", "starts"), Event(T_f, "manoeuvre", "ends"), *parameters.events(plant.parameters, grid)]
+    events += [Event(float(t), "parameter", "the linear model switches") for t in plant.breakpoints]
+    if message:
+        events.append(Event(float(time[-1]), "end", message))
+    return RunResult(
+        model=plant.name,
+        time=time,
+        state=Signal(recorded.x, plant.states),
+        state_reference=Signal(plan.x, plant.states),
+        output=Signal(recorded.y, plant.outputs),
+        reference=Signal(plan.y_d, plant.outputs),
+        planned_output=Signal(plan.y, plant.outputs),
+        commanded=Signal(recorded.u, plant.inputs),
+        applied=Signal(np.clip(recorded.u, *plant.input_limits.T), plant.inputs),
+        parameters=Signal(parameters.table(plant.parameters, grid)[:steps], plant.parameters),
+        manoeuvre=(T_i, T_f),
+        integrator=plant.integrator,
+        events=tuple(sorted((event for event in events if time[0] <= event.time <= time[-1]), key=lambda event: event.time)),
+        parameter_bodies=plant.parameter_bodies,
+        qpos=recorded.qpos,
+        status="diverged" if recorded.cause else "completed",
+        message=message,
+        mjb=plant.binary(parameters.initial),
+        **seen,
+        **stated,
+    )

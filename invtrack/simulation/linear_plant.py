@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
-from invtrack.linear.state_space import OperatingPoint
-from invtrack.linear.switched import as_switched, slowest_flexible_period
+from invtrack.linear.propagation import zero_order_hold
+from invtrack.linear.switched import as_switched
+from invtrack.simulation.simulated_plant import SimulatedPlant
 
 Array = NDArray[np.float64]
 
@@ -21,69 +21,37 @@ Array = NDArray[np.float64]
 class LinearPlant:
     """A StateSpace or SwitchedSystem that can be simulated like a MuJoCo plant.
 
-    model: what the plant really is, with its own switch times, which may differ from those of the plan. input_limits (p, 2): what
-    the actuators pass on; unlimited unless stated. units: of states, inputs and outputs by name, "1" unless stated; those of a
-    MuJoCo plant are taken over by `like=plant`.
+    model: what the plant really is, with its own switch times, which may differ from those of the plan; its channels are the
+    plant's. input_limits (p, 2): what the actuators pass on, such as `plant.input_limits`; unlimited unless stated.
 
     Raises SimulationError for limits that do not fit.
     """
 
-    integrator = "exact"
-
-    def __init__(
-        self,
-        model: Any,
-        *,
-        input_limits: ArrayLike | None = None,
-        units: Mapping[str, str] | None = None,
-        like: Any = None,
-        name: str = "linear model",
-    ) -> None:
+    def __init__(self, model: Any, *, input_limits: ArrayLike | None = None, name: str = "linear model") -> None:
         self.model = as_switched(model)
-        first = self.model.systems[0]
         self.name = name
-        self.state_names, self.input_names, self.output_names = first.state_names, first.input_names, first.output_names
-        self.measurement_names = first.measurement.names
-        known = dict(units or {})
-        if like is not None:
-            for kind in ("state", "input", "output", "measurement"):
-                known |= dict(zip(getattr(like, f"{kind}_names"), getattr(like, f"{kind}_units"), strict=True))
-            input_limits = like.input_limits if input_limits is None else input_limits
-        self.state_units, self.input_units = _units(self.state_names, known), _units(self.input_names, known)
-        self.output_units, self.measurement_units = _units(self.output_names, known), _units(self.measurement_names, known)
-        limits = np.array([[-np.inf, np.inf]] * first.n_channels if input_limits is None else input_limits, dtype=float)
-        if limits.shape != (first.n_channels, 2) or np.any(limits[:, 0] > limits[:, 1]):
-            raise SimulationError(f"input_limits must be ({first.n_channels}, 2), lowest before highest, got {limits.tolist()}")
+        p = self.model.n_channels
+        limits = np.array([[-np.inf, np.inf]] * p if input_limits is None else input_limits, dtype=float)
+        if limits.shape != (p, 2) or np.any(limits[:, 0] > limits[:, 1]):
+            raise SimulationError(f"input_limits must be ({p}, 2), lowest before highest, got {limits.tolist()}")
         self.input_limits: Array = limits
-        self.parameter_units: dict[str, str] = {}
-        self.parameter_bodies: dict[str, str] = {}
 
-    @property
-    def parameter_values(self) -> dict[str, float]:
-        """None: the models are given as they are."""
-        return {}
 
-    @property
-    def operating_point(self) -> OperatingPoint:
-        """That of the models."""
-        return self.model.operating_point
-
-    @property
-    def breakpoints(self) -> Array:
-        """The model's switch times [s]."""
-        return self.model.switch_times
-
-    def vibration_period(self, parameters: Mapping[str, float]) -> float:
-        """Period [s] of the slowest flexible mode of the last interval; NaN where there is none."""
-        return slowest_flexible_period(self.model.systems[-1].A)
-
-    def stepper(self, x: Array, parameters: Mapping[str, float]) -> LinearStepper:
-        """A stepper that starts at x (n,)."""
-        return LinearStepper(self, x)
-
-    def binary(self, parameters: Mapping[str, float]) -> bytes:
-        """Empty: there is no geometry."""
-        return b""
+def linear_plant(plant: LinearPlant) -> SimulatedPlant:
+    """What a linear plant is to the closed loop: it has no parameters, for it switches by itself."""
+    model = plant.model
+    return SimulatedPlant(
+        name=plant.name,
+        integrator="exact",
+        states=model.states,
+        inputs=model.inputs,
+        outputs=model.outputs,
+        measurements=model.measurements,
+        operating_point=model.operating_point,
+        input_limits=plant.input_limits,
+        stepper=lambda x, parameters: LinearStepper(plant, x),
+        breakpoints=model.switch_times,
+    )
 
 
 class LinearStepper:
@@ -94,7 +62,7 @@ class LinearStepper:
     def __init__(self, plant: LinearPlant, x: Array) -> None:
         self._plant = plant
         self._system = plant.model.systems[0]
-        n, p, m = self._system.n_states, self._system.n_channels, len(self._system.measurement.names)
+        n, p, m = self._system.n_states, self._system.n_channels, len(self._system.measurement.channels)
         self._x = np.array(x)
         self.state: tuple[Array, ...] = (self._x,)
         self.control: Array = np.zeros(p)
@@ -112,11 +80,9 @@ class LinearStepper:
         # A little inside the interval: its start may be a switch time, computed in another way.
         k = int(self._plant.model.interval(time + timestep / 2))
         system = self._system = self._plant.model.systems[k]
-        n, p = system.n_states, system.n_channels
         if (k, timestep) not in self._known:
-            block = np.block([[system.A, system.B], [np.zeros((p, n + p))]])
             rows = np.block([[system.C, system.D], [system.measurement.C, system.measurement.D]])
-            self._known[k, timestep] = scipy.linalg.expm(block * timestep)[:n], rows
+            self._known[k, timestep] = np.hstack(zero_order_hold(system.A, system.B, timestep)), rows
         self._timestep = timestep
         self._transition, self._sensor_rows = self._known[k, timestep]
         self._sensors_at_rest = np.concatenate([system.operating_point.y0, system.measurement.y0])
@@ -177,7 +143,3 @@ class LinearStageInput:
     def step(self, index: int) -> Array:
         """Take step number `index`; returns the input (p,) at its middle."""
         return self._stepper.runge_kutta(index, self._law)
-
-
-def _units(names: Sequence[str], known: Mapping[str, str]) -> tuple[str, ...]:
-    return tuple(known.get(name, "1") for name in names)

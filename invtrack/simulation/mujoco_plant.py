@@ -13,13 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.control.protocol import Law
-from invtrack.errors import PlantError, SimulationError
-from invtrack.linear.state_space import OperatingPoint
-from invtrack.linear.switched import slowest_flexible_period
-from invtrack.plant.callbacks import mujoco_callbacks
+from invtrack.errors import SimulationError
 from invtrack.plant.configuration import configuration_of
-from invtrack.plant.linearize import linearize
+from invtrack.plant.couplings import mujoco_callbacks
 from invtrack.plant.plant import Plant
+from invtrack.simulation.simulated_plant import SimulatedPlant
 
 Array = NDArray[np.float64]
 
@@ -30,48 +28,30 @@ FAILURES = tuple(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}") for what in ("C
 """Warnings after which MuJoCo's state means nothing any more."""
 
 
-class MujocoPlant:
-    """A physics.Plant as a SimulatedPlant."""
+def mujoco_plant(plant: Plant) -> SimulatedPlant:
+    """What a MuJoCo plant is to the closed loop; each run has its own copy of the model."""
+    return SimulatedPlant(
+        name=plant.name,
+        integrator=mujoco.mjtIntegrator(plant.model.opt.integrator).name.removeprefix("mjINT_"),
+        states=plant.states,
+        inputs=plant.inputs,
+        outputs=plant.outputs,
+        measurements=plant.measurements,
+        operating_point=plant.operating_point,
+        input_limits=plant.input_limits,
+        stepper=partial(MujocoStepper, plant),
+        binary=partial(_binary, plant),
+        parameters=plant.parameter_channels,
+        parameter_values=plant.parameter_values,
+        parameter_bodies=plant.parameter_bodies,
+    )
 
-    def __init__(self, plant: Plant) -> None:
-        self.plant = plant
-        self.name = plant.name
-        self.integrator = mujoco.mjtIntegrator(plant.model.opt.integrator).name.removeprefix("mjINT_")
-        self.state_names, self.state_units = plant.state_names, plant.state_units
-        self.input_names, self.input_units = plant.input_names, plant.input_units
-        self.output_names, self.output_units = plant.output_names, plant.output_units
-        self.measurement_names, self.measurement_units = plant.measurement_names, plant.measurement_units
-        self.parameter_units, self.parameter_bodies = plant.parameter_units, plant.parameter_bodies
-        self.input_limits = plant.input_limits
-        self.breakpoints: Array = np.zeros(0)
 
-    @property
-    def parameter_values(self) -> dict[str, float]:
-        """The parameters' values in the file."""
-        return self.plant.parameter_values
-
-    @property
-    def operating_point(self) -> OperatingPoint:
-        """Where deviations are measured from."""
-        return self.plant.operating_point
-
-    def vibration_period(self, parameters: Mapping[str, float]) -> float:
-        """Period [s] of the slowest flexible mode; NaN also where the plant cannot be linearized (an active contact)."""
-        try:
-            return slowest_flexible_period(linearize(self.plant, allow_nonequilibrium=True, **parameters).A)
-        except PlantError:
-            return float("nan")
-
-    def stepper(self, x: Array, parameters: Mapping[str, float]) -> MujocoStepper:
-        """A stepper with its own copy of the model."""
-        return MujocoStepper(self.plant, x, parameters)
-
-    def binary(self, parameters: Mapping[str, float]) -> bytes:
-        """The compiled model with these parameters."""
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "model.mjb"
-            mujoco.mj_saveModel(self.plant.model_with(parameters), str(path))
-            return path.read_bytes()
+def _binary(plant: Plant, parameters: Mapping[str, float]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "model.mjb"
+        mujoco.mj_saveModel(plant.model_with(parameters), str(path))
+        return path.read_bytes()
 
 
 class MujocoStepper:

@@ -6,13 +6,13 @@ import warnings
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import NDArray
 
 from invtrack.control.protocol import Controller, Instants
 from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import SimulationError
-from invtrack.plant.change import Change
+from invtrack.linear.propagation import zero_order_hold
+from invtrack.plant.parameters import Change
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 Array = NDArray[np.float64]
@@ -26,29 +26,19 @@ FAR_FROM_REST = 0.05
 PLAN_SAMPLES = 2001
 
 
-def require_fit(plant: SimulatedPlant, controller: Controller, evaluate: str, changes: Iterable[Change]) -> None:
-    """Raises SimulationError where plant, controller, schedule and evaluation do not fit each other."""
+def require_fit(plant: SimulatedPlant, controller: Controller, evaluate: str) -> None:
+    """Raises SimulationError where plant, controller and evaluation do not fit each other."""
     if not hasattr(controller, "begin"):
         raise SimulationError(
             f"expected a controller, got {type(controller).__name__}; make one of a plan: invtrack.TrackingController(plan, gains)"
         )
-    first = controller.plan.model.systems[0]
-    pairs = [(kind, getattr(first, kind), getattr(plant, kind)) for kind in ("state_names", "input_names", "output_names")]
-    if controller.measures == "sensors":
-        pairs.append(("measurement_names", first.measurement.names, plant.measurement_names))
-    for kind, planned, real in pairs:
-        if planned != real:
-            raise SimulationError(
-                f"the plan's {kind.replace('_', ' ')} are {list(planned)}, the plant's are {list(real)}; plan for "
-                "invtrack.linearize(plant)"
-            )
-    if not first.operating_point.agrees_with(plant.operating_point):
+    model = controller.plan.model
+    for kind in ("states", "inputs", "outputs", *(["measurements"] if controller.measures == "sensors" else [])):
+        planned, real = getattr(model, kind), getattr(plant, kind)
+        if not planned.fits(real):
+            raise SimulationError(f"the plan's {kind} are {planned}, the plant's are {real}; plan for invtrack.linearize(plant)")
+    if not model.operating_point.agrees_with(plant.operating_point):
         raise SimulationError("the plan was made about another operating point than the plant's; linearize this plant")
-    for change in changes:
-        unknown = [name for name in change.parameters if name not in plant.parameter_units]
-        if unknown:
-            known = ", ".join(plant.parameter_units) or "none (a linear model switches by its own switch times)"
-            raise SimulationError(f"{change} names unknown parameters {unknown}; the plant's are: {known}")
     if evaluate not in ("held", "stages"):
         raise SimulationError(f'evaluate must be "held" or "stages", got {evaluate!r}')
     if evaluate == "stages" and not (controller.stateless and controller.period is None):
@@ -58,15 +48,34 @@ def require_fit(plant: SimulatedPlant, controller: Controller, evaluate: str, ch
         )
 
 
+def require_known_parameters(plant: SimulatedPlant, changes: Iterable[Change]) -> None:
+    """Raises SimulationError where a schedule names parameters that the plant does not have."""
+    for change in changes:
+        unknown = [name for name in change.parameters if name not in plant.parameters]
+        if unknown:
+            known = ", ".join(plant.parameters.names) or "none (a linear model switches by its own switch times)"
+            raise SimulationError(f"{change} names unknown parameters {unknown}; the plant's are: {known}")
+
+
+def require_planned_parameters(plant: SimulatedPlant, planned: Iterable[str]) -> None:
+    """Raises SimulationError where the plan was made for values of parameters that the plant does not have."""
+    unknown = [name for name in planned if name not in plant.parameters]
+    if unknown:
+        raise SimulationError(
+            f"the plan was made for values of {', '.join(unknown)}; the plant's parameters are: {plant.parameters}. Give the plant "
+            "the parameters of the one that was linearized, or say what changes in this run: schedule=() if nothing does"
+        )
+
+
 def warn_of_limits(plant: SimulatedPlant, controller: Controller) -> None:
     """Say before anything is simulated where the plan exceeds the actuators."""
     lowest, highest = controller.plan.input_range
-    for i, name in enumerate(plant.input_names):
+    for i, (name, unit) in enumerate(zip(plant.inputs.names, plant.inputs.units, strict=True)):
         low, high = plant.input_limits[i]
         if lowest[i] < low or highest[i] > high:
+            needed = f"{name} from {lowest[i]:.4g} to {highest[i]:.4g} {unit}".rstrip()
             warnings.warn(
-                f"the plan needs {name} from {lowest[i]:.4g} to {highest[i]:.4g} {plant.input_units[i]}, its actuator passes on "
-                f"{low:.4g} to {high:.4g}: expect saturation",
+                f"the plan needs {needed}, its actuator passes on {low:.4g} to {high:.4g}: expect saturation",
                 RuntimeWarning,
                 stacklevel=STACK,
             )
@@ -93,7 +102,7 @@ def warn_of_start(plant: SimulatedPlant, controller: Controller) -> None:
     if np.any(_far(first.y[0] - y_0, whole.y - y_0)):
         wanted = ", ".join(
             f"{name} at {begins:.4g} instead of {at:.4g}"
-            for name, begins, at in zip(plant.output_names, first.y[0], y_0, strict=True)
+            for name, begins, at in zip(plant.outputs.names, first.y[0], y_0, strict=True)
         )
         reason = f"{wanted}. References are absolute; let yours begin at the operating point"
     else:
@@ -119,9 +128,8 @@ def warn_of_unstable_holds(controller: Controller, instants: Instants) -> None:
     pairs = zip(model.interval(instants.inside), gains.interval(instants.inside), np.round(instants.hold, 9), strict=True)
     for k, g, hold in sorted({(int(k), int(g), float(hold)) for k, g, hold in pairs if hold > 0}, key=lambda pair: -pair[2]):
         A, B, K = model.systems[k].A, model.systems[k].B, gains.gains[g]
-        n, p = B.shape
-        step = scipy.linalg.expm(np.block([[A, B], [np.zeros((p, n + p))]]) * hold)[:n]
-        radius = float(np.max(np.abs(np.linalg.eigvals(step[:, :n] - step[:, n:] @ K))))
+        A_d, B_d = zero_order_hold(A, B, hold)
+        radius = float(np.max(np.abs(np.linalg.eigvals(A_d - B_d @ K))))
         poles = np.linalg.eigvals(A - B @ K)
         if radius > 1 + 1e-9 and np.max(poles.real) < 0:
             warnings.warn(

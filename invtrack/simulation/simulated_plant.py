@@ -1,14 +1,16 @@
-"""What a plant is to the closed loop: names and units, and a stepper for one run."""
+"""What a plant is to the closed loop: its channels, and a stepper for one run."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.channels import Channels
 from invtrack.control.protocol import Law
 from invtrack.linear.state_space import OperatingPoint
 
@@ -68,56 +70,28 @@ class StageInput(Protocol):
         ...
 
 
-class SimulatedPlant(Protocol):
-    """Names, units, limits and steppers of a plant; names and units of each kind are of the same length."""
+@dataclass(frozen=True, eq=False)
+class SimulatedPlant:
+    """Channels, limits and steppers of a plant.
 
-    @property
-    def name(self) -> str: ...
-    @property
-    def integrator(self) -> str: ...
-    @property
-    def state_names(self) -> tuple[str, ...]: ...
-    @property
-    def state_units(self) -> tuple[str, ...]: ...
-    @property
-    def input_names(self) -> tuple[str, ...]: ...
-    @property
-    def input_units(self) -> tuple[str, ...]: ...
-    @property
-    def output_names(self) -> tuple[str, ...]: ...
-    @property
-    def output_units(self) -> tuple[str, ...]: ...
-    @property
-    def measurement_names(self) -> tuple[str, ...]: ...
-    @property
-    def measurement_units(self) -> tuple[str, ...]: ...
-    @property
-    def parameter_units(self) -> Mapping[str, str]: ...
-    @property
-    def parameter_values(self) -> dict[str, float]: ...
-    @property
-    def parameter_bodies(self) -> Mapping[str, str]: ...
-    @property
-    def operating_point(self) -> OperatingPoint: ...
+    parameters: names and units of the physical parameters that may change during a run; parameter_values: what they are as the
+    plant is; parameter_bodies: for those that belong to one body, its name. input_limits (p, 2): lowest and highest value of each
+    input that the actuator passes on. breakpoints: times [s] at which the plant changes by itself. stepper: makes a stepper that
+    starts at the state x (n,) with parameter values. binary: the compiled MuJoCo model with parameter values, for the 3-D scene;
+    empty where there is none.
+    """
 
-    @property
-    def input_limits(self) -> Array:
-        """Lowest and highest value of each input that the actuator passes on (p, 2)."""
-        ...
-
-    @property
-    def breakpoints(self) -> Array:
-        """Times [s] at which the plant changes by itself."""
-        ...
-
-    def vibration_period(self, parameters: Mapping[str, float]) -> float:
-        """Period [s] of the slowest flexible mode at the end of a run; NaN where there is none."""
-        ...
-
-    def stepper(self, x: Array, parameters: Mapping[str, float]) -> Stepper:
-        """A stepper that starts at the state x (n,)."""
-        ...
-
-    def binary(self, parameters: Mapping[str, float]) -> bytes:
-        """The compiled MuJoCo model for the 3-D scene; empty where there is none."""
-        ...
+    name: str
+    integrator: str
+    states: Channels
+    inputs: Channels
+    outputs: Channels
+    measurements: Channels
+    operating_point: OperatingPoint
+    input_limits: Array
+    stepper: Callable[[Array, Mapping[str, float]], Stepper]
+    binary: Callable[[Mapping[str, float]], bytes] = lambda parameters: b""
+    parameters: Channels = field(default_factory=Channels)
+    parameter_values: Mapping[str, float] = field(default_factory=dict)
+    parameter_bodies: Mapping[str, str] = field(default_factory=dict)
+    breakpoints: Array = field(default_factory=lambda: np.zeros(0))

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.control.protocol import AffineLaw, Law
-from invtrack.plant.callbacks import mujoco_warnings
+from invtrack.plant.couplings import mujoco_warnings
 from invtrack.simulation.grid import Grid
 from invtrack.simulation.sensors import SensorChain
 from invtrack.simulation.simulated_plant import StageInput, Stepper

@@ -32,8 +32,8 @@ from invtrack.control.protocol import Controller
 from invtrack.errors import InvtrackError
 from invtrack.figures.style import save_figure
 from invtrack.plant.plant import Plant
-from invtrack.recording.write import save_recording
-from invtrack.results.metrics import metrics
+from invtrack.recording import save_recording
+from invtrack.results import metrics
 from invtrack.results.result import RunResult
 from invtrack.simulation.linear_plant import LinearPlant
 from invtrack.studies.folder import RunFolder, Status

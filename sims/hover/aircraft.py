@@ -29,9 +29,9 @@ def sidestep_and_descent() -> invtrack.PiecewiseSignal:
     """The wanted U, W, V, R: the velocity of a minimum-jerk displacement for W and V, zero for U and R."""
     s = Polynomial([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])  # from 0 to 1, at rest with no acceleration at both ends
     speed = s.deriv() * (DISPLACEMENT / DURATION)
-    velocity = invtrack.piecewise_polynomial([0.0, DURATION], [speed.coef], time_scale=DURATION, held=(0.0, 0.0))
-    still = invtrack.constant(0.0)
-    return invtrack.stack([still, velocity, velocity, still])
+    velocity = invtrack.references.piecewise_polynomial([0.0, DURATION], [speed.coef], time_scale=DURATION, held=(0.0, 0.0))
+    still = invtrack.references.constant(0.0)
+    return invtrack.references.stack([still, velocity, velocity, still])
 
 
 def displacement(run: invtrack.RunResult) -> dict[str, float]:

@@ -6,7 +6,7 @@ import numpy as np
 from hover.aircraft import ATTITUDES, INPUTS, channel
 
 import invtrack
-from invtrack.inversion.modified.modified_plan import ModifiedTrajectory
+from invtrack.inversion import ModifiedTrajectory
 
 FADED = 1e-3
 """The fit of the decay reaches back to where the input has fallen to this share of what it is at the start of the manoeuvre."""
@@ -22,7 +22,7 @@ def inverse_poles(plan: invtrack.Plan) -> np.ndarray:
     if isinstance(plan, ModifiedTrajectory):
         modification = plan.modification[0]
         return np.concatenate([modification.zeros_after, modification.error_poles])
-    return invtrack.zeros(plan.model.systems[0])
+    return invtrack.linear.zeros(plan.model.systems[0])
 
 
 def decay_pair(plan: invtrack.Plan) -> complex:
@@ -69,6 +69,6 @@ def likeness(exact: invtrack.Plan, modified: invtrack.Plan) -> dict[str, dict[st
 
 
 def _values(plan: invtrack.Plan, times: np.ndarray, model: invtrack.StateSpace, name: str) -> np.ndarray:
-    if name in model.input_names:
-        return channel(plan.inputs(times), model.input_names, name)
-    return channel(plan.states(times), model.state_names, name)
+    if name in model.inputs.names:
+        return channel(plan.inputs(times), model.inputs.names, name)
+    return channel(plan.states(times), model.states.names, name)

@@ -9,7 +9,7 @@ from hover.aircraft import ATTITUDES, INPUTS, OUTPUTS, channel
 from matplotlib.figure import Figure
 
 import invtrack
-from invtrack.figures.comparison import Line, overlay_figure
+from invtrack.figures import Line, overlay_figure
 from invtrack.studies import Session
 
 SAMPLES = 8001
@@ -80,7 +80,7 @@ def _inputs(names: tuple[str, ...], plans: Plans) -> Panels:
     return [
         (
             f"{name.replace('_', ' ')} [HE3's unit]",
-            {case: (time, channel(plan.inputs(time), plan.model.input_names, name)) for case, plan in plans.items()},
+            {case: (time, channel(plan.inputs(time), plan.model.inputs.names, name)) for case, plan in plans.items()},
         )
         for name in names
     ]
@@ -91,7 +91,7 @@ def _attitudes(plans: Plans, runs: Runs) -> Panels:
     panels: Panels = []
     for label, name in ATTITUDES.items():
         curves: dict[str, Line] = {
-            case: (time, channel(plan.states(time), plan.model.state_names, name)) for case, plan in plans.items()
+            case: (time, channel(plan.states(time), plan.model.states.names, name)) for case, plan in plans.items()
         }
         curves |= {f"{case}, MuJoCo": (run.time, run.state[name]) for case, run in runs.items()}
         panels.append((f"{label} [rad]", curves))

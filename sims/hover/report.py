@@ -9,8 +9,8 @@ from typing import Any
 from hover.aircraft import LINEAR
 from hover.comparison import inverse_poles
 
-from invtrack.linear.internal_dynamics import format_zeros
-from invtrack.plans.preactuation import PreactuationBound
+from invtrack.linear import format_zeros
+from invtrack.plans import PreactuationBound
 from invtrack.studies import Column, Session, Table
 
 COLUMNS = (

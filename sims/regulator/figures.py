@@ -10,9 +10,7 @@ from regulator import manoeuvre
 from regulator.rig import LONG
 
 import invtrack
-from invtrack.figures.around import around_figure
-from invtrack.figures.comparison import comparison_figure
-from invtrack.figures.curves import Decay, decay_figure
+from invtrack.figures import Decay, around_figure, comparison_figure, decay_figure
 from invtrack.studies import Session
 
 BEFORE, AFTER = 10.0, 20.0  # [s] shown around the manoeuvre's start

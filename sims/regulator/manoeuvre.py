@@ -8,8 +8,8 @@ import numpy as np
 from regulator.rig import LONG, OBSERVER_POLES, STATE_OBSERVER, Rig, interval_errors
 
 import invtrack
-from invtrack.control.protocol import Instants
-from invtrack.figures.tracking import tracking_figure
+from invtrack.control import Instants
+from invtrack.figures import tracking_figure
 from invtrack.studies import Case, Column, Rows, Session, Table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]

@@ -22,7 +22,7 @@ PRINTED = (
 """The first two columns of G(0); for the other two the paper prints zeros instead of solving."""
 
 
-def published(model: invtrack.SwitchedSystem, wanted: invtrack.Exosystem) -> dict[str, Any]:
+def published(model: invtrack.SwitchedSystem, wanted: invtrack.references.Exosystem) -> dict[str, Any]:
     """G(0), what it is compared with, its residuals, and the columns that no plant state can follow.
 
     In the paper's coordinates, because a column that cannot be followed depends on them: which internal coordinate is continuous

@@ -24,19 +24,13 @@ STATE_OBSERVER = invtrack.KalmanFilter(input_noise=0.02, measurement_noise=1e-3)
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Plant, tip masses [kg] with the times [s] of their jumps, gains per interval, and the maps that are compared, by name."""
+    """Plant, its models between jumps of the tip mass, gains per interval, the maps that are compared by name, and their plan."""
 
     plant: invtrack.Plant
-    masses: Sequence[float]
     model: invtrack.SwitchedSystem
     gains: invtrack.GainSchedule
-    maps: dict[str, invtrack.RegulationMap]
+    maps: dict[str, invtrack.regulation.RegulationMap]
     plan: invtrack.Plan
-
-    @property
-    def schedule(self) -> list[invtrack.Change]:
-        """The jumps as they happen in MuJoCo."""
-        return [invtrack.Change(float(t), tip_mass=m) for t, m in zip(self.model.switch_times, self.masses[1:], strict=True)]
 
     def controller(self, name: str, **options: Any) -> invtrack.ExosystemController:
         """The law with one of the maps; all are judged by the exact plan for the same wanted output."""
@@ -48,22 +42,21 @@ class Rig:
         return np.asarray(self.maps[name].x_map([first], inside=[(first + second) / 2])[0] @ X_E)
 
     def case(self, name: str, controller: invtrack.ExosystemController, **options: Any) -> Case:
-        """One case in MuJoCo; options: of the case."""
-        settings = {"schedule": self.schedule, **options.pop("settings", {})}
-        return Case(name, self.plant, controller, settings=settings, **options)
+        """One case in MuJoCo, the tip mass jumping as the plan expects; options: of the case."""
+        return Case(name, self.plant, controller, **options)
 
 
 def rig(plant: invtrack.Plant, masses: Sequence[float], jumps: Sequence[float], *, end: float) -> Rig:
     """The plant with these tip masses [kg], exchanged at `jumps` [s], and the exosystem running from 0 to `end` [s]."""
     linear = {mass: invtrack.linearize(plant, tip_mass=mass) for mass in dict.fromkeys(masses)}
     model = invtrack.SwitchedSystem([linear[mass] for mass in masses], jumps)
-    wanted = invtrack.exosystem(A_E, C_E, start=0.0, end=end)
+    wanted = invtrack.references.exosystem(A_E, C_E, start=0.0, end=end)
     maps = {
         "exact_map": invtrack.exosystem_map(model, wanted, tolerance=1e-11),
-        "switched_francis": invtrack.switched_francis(model, wanted),
-        "single_francis": invtrack.single_francis(model, wanted, interval=0),
+        "switched_francis": invtrack.regulation.switched_francis(model, wanted),
+        "single_francis": invtrack.regulation.single_francis(model, wanted, interval=0),
     }
-    return Rig(plant, masses, model, invtrack.place(model, POLES), maps, maps["exact_map"].plan(X_E))
+    return Rig(plant, model, invtrack.place(model, POLES), maps, maps["exact_map"].plan(X_E))
 
 
 def cantilever() -> invtrack.Plant:

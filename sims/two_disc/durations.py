@@ -22,7 +22,7 @@ from two_disc.rig import (
 )
 
 import invtrack
-from invtrack.redesign.pareto import outcome
+from invtrack.redesign import outcome
 from invtrack.studies import Column, Rows, Session, Table
 
 DURATIONS = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0)  # [s]
@@ -77,7 +77,7 @@ def _limited(
         limits=invtrack.Limits(input=(1 - MARGIN) * limit),
         tolerance=TOLERANCE,
     )
-    actuated = invtrack.with_input_limits(plant, {"motor": limit})
+    actuated = invtrack.plant.with_input_limits(plant, {"motor": limit})
     controller = invtrack.TrackingController(plan, gains)
     result = done.simulate(actuated, controller, name="redesigned_limited", **run_settings(plan))
     return {

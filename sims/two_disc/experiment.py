@@ -15,7 +15,7 @@ import numpy as np
 from two_disc.rig import MEASUREMENTS, PUBLISHED, SHARES, SHOWN, Plans, measured_shares, peak, run_settings, twist
 
 import invtrack
-from invtrack.figures.tracking import tracking_figure
+from invtrack.figures import tracking_figure
 from invtrack.studies import Case, Column, Rows, Session, Table
 
 PERIOD = 0.02  # [s]
@@ -102,7 +102,7 @@ def real_rig(plant: invtrack.Plant, name: str, plan: invtrack.Plan, seed: int) -
     values["disc1_mass"] *= real.disc1_inertia
     values["disc2_mass"] *= real.disc2_inertia
     values["shaft_stiffness"] *= real.stiffness
-    return invtrack.with_coupling_scaled(plant, "velocity_coupling", real.coupling), {
+    return invtrack.plant.with_coupling_scaled(plant, "velocity_coupling", real.coupling), {
         **run_settings(plan, after=AFTER),
         "schedule": [invtrack.Change(plan.start, **values)],
         "sensors": {sensor: invtrack.Sensor(noise=NOISE, quantization=DIGIT) for sensor in MEASUREMENTS},

@@ -11,8 +11,7 @@ from two_disc.experiment import DRAWN
 from two_disc.rig import PROFILES, Q_TWIST, Q_Y, SHARES, SHOWN, TWIST_WEIGHT, Plans, R, slew, twist
 
 import invtrack
-from invtrack.figures.comparison import overlay_figure
-from invtrack.figures.curves import frequency_response_figure, sweep_figure
+from invtrack.figures import frequency_response_figure, overlay_figure, sweep_figure
 from invtrack.studies import Session
 
 SLEW_TEXT = f"{SHOWN[0]} of {SHOWN[1]:g} s"
@@ -66,7 +65,7 @@ def prefilter_response(model: invtrack.StateSpace) -> Figure:
     for q_x, q_y in ((Q_TWIST, 0.1), (Q_TWIST, Q_Y), (Q_TWIST, 10.0), (0.0, Q_Y)):
         weights = {"R": R, "Q_x": q_x * TWIST_WEIGHT, "Q_y": q_y}
         name = f"q_x = {q_x:g}, q_y = {q_y:g}" + (" (papers)" if (q_x, q_y) == (Q_TWIST, Q_Y) else "")
-        curves[name] = invtrack.prefilter(model, **weights).frequency_response(w).G_f[:, 0, 0]
+        curves[name] = invtrack.redesign.prefilter(model, **weights).frequency_response(w).G_f[:, 0, 0]
     return frequency_response_figure(
         "two_disc: prefilter from wanted to redesigned output, of zero phase, r = 1\n(AIAA note, lemma)",
         w=w,

@@ -18,10 +18,8 @@ from two_disc.experiment import DRAWN, controller, real_rig
 from two_disc.rig import MARGIN, TOLERANCE, TWIST, clamped_steps, peak, run_settings, slew, twist
 
 import invtrack
-from invtrack.figures.comparison import overlay_figure
-from invtrack.figures.tracking import tracking_figure
-from invtrack.redesign.constrained import ConstrainedTrajectory
-from invtrack.redesign.pareto import outcome
+from invtrack.figures import overlay_figure, tracking_figure
+from invtrack.redesign import ConstrainedTrajectory, outcome
 from invtrack.studies import Case, Column, Rows, Session, Table
 
 PROFILE, DURATION = "quintic", 10.0  # [s]
@@ -82,7 +80,7 @@ def limited_slew(plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtr
         limits=invtrack.Limits(
             input=inside * INPUT,
             input_rate=inside * RATE,
-            states=[invtrack.StateLimit("twist", dict(zip(model.state_names, TWIST.tolist(), strict=True)), inside * TWIST_LIMIT)],
+            states=[invtrack.StateLimit("twist", dict(zip(model.states.names, TWIST.tolist(), strict=True)), inside * TWIST_LIMIT)],
         ),
         tolerance=TOLERANCE,
     )
@@ -92,7 +90,7 @@ def limited_slew(plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtr
         "redesigned": invtrack.quadratic_redesign(model, reference, **WEIGHTS, tolerance=TOLERANCE),
         "redesigned_limited": limited,
     }
-    actuated = invtrack.with_input_limits(plant, {"motor": INPUT})
+    actuated = invtrack.plant.with_input_limits(plant, {"motor": INPUT})
     drawn = {"tracking": tracking_figure}
 
     def case(name: str, plan: invtrack.Plan) -> Case:
@@ -118,7 +116,7 @@ def _measured(result: invtrack.RunResult) -> dict[str, float | int | None]:
 
     A controller with a period moves the input in jumps, which have no rate.
     """
-    sampled = len(result.measured.names) > 0
+    sampled = len(result.measured.channels) > 0
     middle = (result.time[:-1] + result.time[1:]) / 2
     applied = result.applied.values
     return {

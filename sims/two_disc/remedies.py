@@ -10,8 +10,8 @@ from scipy.optimize import brentq
 from two_disc.rig import Q_TWIST, Q_Y, SLEW, TWIST_WEIGHT, R
 
 import invtrack
-from invtrack.figures.trade_off_figure import trade_off_figure
-from invtrack.redesign.pareto import outcome
+from invtrack.figures import trade_off_figure
+from invtrack.redesign import outcome
 from invtrack.studies import Column, Rows, Session, Table
 
 NEAR_AXIS = 0.5  # [1/s]: zeros this close to the axis are moved
@@ -56,7 +56,7 @@ def both_remedies(model: invtrack.StateSpace, reference: invtrack.PiecewiseSigna
     rows = [row for speed in ERROR_POLES for row in _modified_rows(model, reference, speed)]
     weights = [{"R": R, "Q_y": q_y} for q_y in OUTPUT_WEIGHTS]
     weights.append({"R": R, "Q_x": Q_TWIST * TWIST_WEIGHT, "Q_y": Q_Y})
-    sweep = invtrack.pareto_sweep(model, reference, weights=weights, tolerance=TOLERANCE)
+    sweep = invtrack.redesign.pareto_sweep(model, reference, weights=weights, tolerance=TOLERANCE)
     for point, plan, result in zip(weights, sweep.plans, sweep.outcomes, strict=True):
         q_x, setting = (Q_TWIST, f"$q_x$ = {Q_TWIST:g}, ") if "Q_x" in point else (0.0, "")
         rows.append(
@@ -65,7 +65,7 @@ def both_remedies(model: invtrack.StateSpace, reference: invtrack.PiecewiseSigna
                 "setting": f"{setting}$q_y$ = {point['Q_y']:g}",
                 "q_x": q_x,
                 "q_y": point["Q_y"],
-                "preactuation": invtrack.preactuation_time(plan, level=LEVEL),
+                "preactuation": invtrack.results.preactuation_time(plan, level=LEVEL),
                 "max_error": result.max_error,
                 "peak_input": result.peak_input,
             }
@@ -75,7 +75,7 @@ def both_remedies(model: invtrack.StateSpace, reference: invtrack.PiecewiseSigna
 
 def _modified_rows(model: invtrack.StateSpace, reference: invtrack.PiecewiseSignal, speed: str) -> list[dict[str, Any]]:
     """Preactuation against error over the real part that the zeros near the axis are given."""
-    trade = invtrack.preactuation_trade_off(
+    trade = invtrack.inversion.preactuation_trade_off(
         model,
         reference,
         axis_distance=NEAR_AXIS,

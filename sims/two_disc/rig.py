@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import invtrack
-from invtrack.redesign.pareto import outcome
+from invtrack.redesign import outcome
 
 R, Q_TWIST, Q_Y = 1.0, 5000.0, 1.0  # the papers' weights
 SLEW = 1.0  # [rad]

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from two_disc.rig import Q_TWIST, Q_Y, SHOWN, SLEW, TOLERANCE, TWIST, TWIST_WEIGHT, R, slew
 
 import invtrack
-from invtrack.figures.trade_off_figure import trade_off_figure
+from invtrack.figures import trade_off_figure
 from invtrack.studies import Column, Rows, Session, Table
 
 # q_x, and the values of q_y: with the twist free far less weight on the output gives up as much of the motion.
@@ -30,7 +30,7 @@ def trade_off(model: invtrack.StateSpace) -> list[dict[str, Any]]:
     profile, duration = SHOWN
     reference = slew(duration, profile)
     points = [{"r": R, "q_x": q_x, "q_y": q_y} for q_x, output_weights in FAMILIES.values() for q_y in output_weights]
-    sweep = invtrack.pareto_sweep(
+    sweep = invtrack.redesign.pareto_sweep(
         model,
         reference,
         weights=[{"R": point["r"], "Q_x": point["q_x"] * TWIST_WEIGHT, "Q_y": point["q_y"]} for point in points],

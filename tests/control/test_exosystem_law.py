@@ -246,10 +246,10 @@ def test_what_does_not_fit_is_refused(exact: RegulationMap) -> None:
         controller(exact, reference_noise=0.1)
     with pytest.raises(ControlError, match="reference_noise must be finite and not negative"):
         controller(exact, exosystem_observer=LuenbergerObserver(OBSERVER_POLES), reference_noise=-1.0)
-    with pytest.raises(ControlError, match=r"expected a finite initial_estimate of the states \['x_e1', "):
+    with pytest.raises(ControlError, match=r"initial_estimate must be finite, one number for each of \['x_e1', "):
         controller(exact, exosystem_observer=LuenbergerObserver(OBSERVER_POLES), initial_estimate=[1.0, 2.0])
-    named = [StateSpace(s.A, s.B, s.C, state_names=list("abcdef")) for s in MODEL.systems]
-    with pytest.raises(ControlError, match=r"the map has state_names \['x1', .*the plan \['a', "):
+    named = [StateSpace(s.A, s.B, s.C, states=list("abcdef")) for s in MODEL.systems]
+    with pytest.raises(ControlError, match=r"the map has the states x1, x2, .*the plan has a, b, "):
         controller(exact, plan=invert(SwitchedSystem(named, JUMPS), raised_cosine(2.0)))
 
 

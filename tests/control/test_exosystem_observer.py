@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from invtrack.control.exosystem_observer import ExosystemObserver, states_within_holds
-from invtrack.control.observer import KalmanFilter, LuenbergerObserver
+from invtrack.control.observer import ExosystemObserver, KalmanFilter, LuenbergerObserver, states_within_holds
 from invtrack.control.protocol import Instants
 from invtrack.errors import ControlError
 from invtrack.references.exosystem import Exosystem, exosystem, polynomial_exosystem, sinusoidal_exosystem, step_exosystem

@@ -70,16 +70,16 @@ def test_placed_poles_are_the_same_in_every_interval() -> None:
     [
         (
             lambda: lqr(DOUBLE_INTEGRATOR, Q=np.eye(3), R=1.0),
-            r"Q must be a number or a symmetric \(2, 2\) matrix, got shape \(3, 3\)",
+            r"Q must be a number or a \(2, 2\) matrix for the states \['x1', 'x2'\], got shape \(3, 3\)",
         ),
-        (lambda: lqr(DOUBLE_INTEGRATOR, Q=[[1.0, 1.0], [0.0, 1.0]], R=1.0), "Q must be a number or a symmetric"),
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=[[1.0, 1.0], [0.0, 1.0]], R=1.0), "Q must be symmetric"),
         (
             lambda: lqr(DOUBLE_INTEGRATOR, Q=np.diag([1.0, -1.0]), R=1.0),
             "Q must be positive semidefinite, its smallest eigenvalue is -1",
         ),
-        (lambda: lqr(DOUBLE_INTEGRATOR, Q=1.0, R=0.0), "R must be positive definite"),
-        (lambda: lqr(DOUBLE_INTEGRATOR, Q=1.0, R=-1.0), "R must be positive definite"),
-        (lambda: lqr(DOUBLE_INTEGRATOR, Q=np.nan, R=1.0), "Q must be a number or a symmetric"),
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=1.0, R=0.0), r"R must be positive definite.*weigh every one of the inputs \['u1'\]"),
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=1.0, R=-1.0), "R must be positive semidefinite"),
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=np.nan, R=1.0), "Q has entries that are not finite"),
         (lambda: lqr(UNSTABLE_UNREACHED, Q=1.0, R=1.0), r"no LQR gain.*inputs \['u1'\] cannot move"),
         (lambda: lqr(DOUBLE_INTEGRATOR, Q=0.0, R=1.0), "Q does not weigh|does not stabilize"),
         (lambda: place(DOUBLE_INTEGRATOR, [-1.0]), "expected 2 poles left of the imaginary axis"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -125,3 +126,20 @@ def test_a_period_that_is_no_time_is_refused(plan: Plan, period: float) -> None:
 def test_a_gain_that_does_not_fit_is_refused(plan: Plan, gain: np.ndarray) -> None:
     with pytest.raises(ControlError, match=r"gains have shape .*, expected \(1, 6\)"):
         TrackingController(plan, gain)
+
+
+def test_a_plan_with_a_difference_of_its_own(plan: Plan) -> None:
+    """States that are angles: a whole turn away is no way at all."""
+
+    def shortest(x: np.ndarray, x_ref: np.ndarray) -> np.ndarray:
+        return (x - x_ref + np.pi) % (2 * np.pi) - np.pi
+
+    gains = np.arange(1.0, 7.0)[None]
+    asked = instants([0.0, 2.0], hold=0.1)
+    plain = TrackingController(plan, gains).begin(asked)
+    turning = TrackingController(replace(plan, difference=shortest), gains).begin(asked)
+    x_ref = plan(asked.time, inside=asked.inside).x
+    for i, x in enumerate(x_ref + np.linspace(-0.5, 0.5, 6)):
+        assert turning.update(i, x) == pytest.approx(plain.update(i, x), rel=1e-9)
+        assert turning.update(i, x + 2 * np.pi) == pytest.approx(plain.update(i, x), rel=1e-9)
+        assert abs(plain.update(i, x + 2 * np.pi) - plain.update(i, x)) > 1.0

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from invtrack.linear.internal_dynamics import zeros
 from invtrack.linear.state_space import StateSpace
+from invtrack.linear.zeros import zeros
 from invtrack.references.profiles import piecewise_polynomial
 from tests.cited_plants import HE3_A, HE3_B, HE3_C, TWO_DISC_A, TWO_DISC_B, TWO_DISC_C
 
-HE3 = StateSpace(HE3_A, HE3_B, HE3_C, output_names=["U", "W", "V", "R"])
+HE3 = StateSpace(HE3_A, HE3_B, HE3_C, outputs=["U", "W", "V", "R"])
 HE3_POLES = [-1.0, -2.0, -3.0, -4.0]
 
 # Unit displacements to the side and upward in 5 s: W and V follow the derivative of the minimum-jerk quintic, U and R stay at zero.

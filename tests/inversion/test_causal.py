@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from invtrack.errors import InversionError, NonHyperbolicError
-from invtrack.inversion.causal import causal_inverse
+from invtrack.errors import NonHyperbolicError, PlanError
 from invtrack.inversion.exact import invert
-from invtrack.linear.internal_dynamics import zeros
+from invtrack.inversion.no_preactuation import causal_inverse
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
+from invtrack.linear.zeros import zeros
 from invtrack.references.profiles import rest_to_rest
 from tests.inversion.modified_cases import PASSIVE_TWO_DISC, TWO_DISC
 from tests.linear.random_plants import block, plant_with
@@ -92,5 +92,5 @@ def test_refusals(internal: np.ndarray, message: str) -> None:
 def test_nonminimum_phase_rig_and_options_are_refused() -> None:
     with pytest.raises(NonHyperbolicError, match=r"antistable zeros at 0.22\+-4.75j"):
         causal_inverse(TWO_DISC, SLEW)
-    with pytest.raises(InversionError, match="tolerance must lie between 0 and 1"):
+    with pytest.raises(PlanError, match="tolerance must lie between 0 and 1"):
         causal_inverse(PASSIVE_TWO_DISC, SLEW, tolerance=0.0)

@@ -11,9 +11,9 @@ from numpy.polynomial import Polynomial
 
 from invtrack.inversion.exact import invert
 from invtrack.inversion.modified.modified_inversion import modified_inversion
-from invtrack.linear.internal_dynamics import zeros
 from invtrack.linear.normal_form import normal_form
 from invtrack.linear.state_space import OperatingPoint, StateSpace
+from invtrack.linear.zeros import zeros
 from invtrack.plans.plan import Plan
 from invtrack.plans.preactuation import plan_preactuation_time, preactuation_bound
 from invtrack.references.profiles import constant, rest_to_rest

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from invtrack.errors import InversionError, NonHyperbolicError, TrajectoryError
+from invtrack.errors import InversionError, NonHyperbolicError, PlanError, TrajectoryError
 from invtrack.inversion.modified.modified_inversion import modified_inversion
 from invtrack.inversion.modified.preactuation_trade_off import preactuation_trade_off, tune_modified_inversion
 from invtrack.linear.state_space import StateSpace
@@ -62,7 +62,7 @@ BY_DISTANCE = {"axis_distance": 0.5, "real_part": 1.0}
     ],
 )
 def test_options(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(InversionError, match=message):
+    with pytest.raises(PlanError, match=message):
         modified_inversion(TWO_DISC, SLEW, **{"error_poles": CHAIN, **options})
 
 

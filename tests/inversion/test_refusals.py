@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from invtrack.errors import InversionError, NonHyperbolicError, RelativeDegreeError, TrajectoryError
+from invtrack.errors import InversionError, NonHyperbolicError, PlanError, RelativeDegreeError, TrajectoryError
 from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
@@ -18,7 +18,7 @@ from invtrack.references.signal import Generator, PiecewiseSignal
 from tests.cited_plants import cantilever_paper
 from tests.linear.random_plants import block, plant_with
 
-CANTILEVER = StateSpace(*cantilever_paper(0.0), output_names=["tip"])
+CANTILEVER = StateSpace(*cantilever_paper(0.0), outputs=["tip"])
 ALL_PASS = StateSpace([[-2.0]], [[1.0]], [[-3.0]], [[1.0]])  # (s - 1)/(s + 2)
 
 
@@ -51,13 +51,13 @@ def test_a_kink_inside_the_motion_is_named_by_its_time() -> None:
 
 @pytest.mark.parametrize("options", [{"tolerance": 0.0}, {"tolerance": -1e-3}, {"tolerance": 1.0}, {"tolerance": np.nan}])
 def test_a_tolerance_must_be_a_share(options: dict[str, float]) -> None:
-    with pytest.raises(InversionError, match="tolerance must lie between 0 and 1"):
+    with pytest.raises(PlanError, match="tolerance must lie between 0 and 1"):
         invert(CANTILEVER, raised_cosine(2.0), **options)
 
 
 @pytest.mark.parametrize("limit", [-1.0, np.nan])
 def test_preactuation_cannot_be_limited_to_less_than_nothing(limit: float) -> None:
-    with pytest.raises(InversionError, match="max_preactuation must not be negative"):
+    with pytest.raises(PlanError, match="max_preactuation must not be negative"):
         invert(CANTILEVER, raised_cosine(2.0), max_preactuation=limit)
 
 

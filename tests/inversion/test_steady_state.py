@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from invtrack.errors import InversionError, TrajectoryError
-from invtrack.inversion.steady_state import steady_state_feedforward
+from invtrack.inversion.no_preactuation import steady_state_feedforward
 from invtrack.linear.state_space import OperatingPoint, StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.references.profiles import constant, raised_cosine, rest_to_rest

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from invtrack.errors import ModelError, NonHyperbolicError, RelativeDegreeError
-from invtrack.linear.internal_dynamics import split_dynamics, zeros
+from invtrack.linear.internal_dynamics import split_dynamics
 from invtrack.linear.state_space import StateSpace
-from invtrack.linear.zeros import ZeroReport, zero_report
+from invtrack.linear.zeros import ZeroReport, zero_report, zeros
 from tests.cited_plants import cantilever_paper
 from tests.linear.random_plants import Array, assert_same_set, block, pencil_zeros, plant_with, rotation
 

@@ -72,7 +72,7 @@ def test_uneven_scales_do_not_hide_the_relative_degree() -> None:
 
 
 def test_an_output_that_no_input_reaches_is_refused_by_name() -> None:
-    system = StateSpace(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0, 1.0]], output_names=["idle"])
+    system = StateSpace(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0, 1.0]], outputs=["idle"])
     with pytest.raises(RelativeDegreeError, match="output 'idle' is not reached by any input"):
         relative_degree(system)
 

@@ -40,9 +40,9 @@ def point(u0: Any, y0: Any) -> OperatingPoint:
         (lambda: StateSpace(A, [["a"], ["b"]], C), "B must be a matrix of real numbers"),
         (lambda: StateSpace(A * 1j, B, C), "A must be a matrix of real numbers"),
         (lambda: StateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[1.0]]), "at least one state"),
-        (lambda: StateSpace(A, B, C, state_names=["a", "a"]), r"expected 2 distinct state names, got \['a', 'a'\]"),
-        (lambda: StateSpace(A, B, C, input_names=["a", "b"]), "expected 1 distinct input names"),
-        (lambda: StateSpace(A, B, C, output_names=[]), "expected 1 distinct output names"),
+        (lambda: StateSpace(A, B, C, states=["a", "a"]), r"expected 2 distinct state names, got \['a', 'a'\]"),
+        (lambda: StateSpace(A, B, C, inputs=["a", "b"]), "expected 1 distinct input names"),
+        (lambda: StateSpace(A, B, C, outputs=[]), "expected 1 distinct output names"),
         (lambda: StateSpace(A, B, C, operating_point=point([1, 2], [0])), r"u0 of shape \(2,\).*expected \(1,\)"),
         (lambda: StateSpace(A, B, C, operating_point=point([np.nan], [0])), "not finite"),
         (lambda: StateSpace(A, B, C).transformed(np.eye(3)), r"T has shape \(3, 3\), expected \(2, 2\)"),
@@ -59,8 +59,8 @@ def test_bad_input_is_refused(build: Callable[[], object], message: str) -> None
 
 
 def test_names_are_given_where_none_are() -> None:
-    system = StateSpace(A, B, C, output_names=["tip"])
-    assert (system.state_names, system.input_names, system.output_names) == (("x1", "x2"), ("u1",), ("tip",))
+    system = StateSpace(A, B, C, outputs=["tip"])
+    assert (system.states.names, system.inputs.names, system.outputs.names) == (("x1", "x2"), ("u1",), ("tip",))
     assert (system.n_states, system.n_channels) == (2, 1)
     assert pytest.approx(np.zeros((1, 1))) == system.D
 
@@ -85,14 +85,14 @@ def test_conversion_keeps_the_transfer_function(convert: Callable[..., Any]) -> 
 
 def test_change_of_coordinates_keeps_the_transfer_function_and_the_frame() -> None:
     operating_point = point([2.0], [3.0])
-    system = StateSpace(A, B, C, [[0.1]], input_names=["force"], operating_point=operating_point)
+    system = StateSpace(A, B, C, [[0.1]], inputs=["force"], operating_point=operating_point)
     T = np.array([[1.0, 2.0], [-1.0, 1e3]])
-    other = system.transformed(T, state_names=["a", "b"])
+    other = system.transformed(T, states=["a", "b"])
     s = -0.4 + 2j
     assert response(other, s) == pytest.approx(response(system, s))
     assert pytest.approx(T @ A) == other.A @ T
-    assert other.state_names == ("a", "b")
-    assert other.input_names == ("force",)
+    assert other.states.names == ("a", "b")
+    assert other.inputs.names == ("force",)
     assert other.operating_point is operating_point
 
 

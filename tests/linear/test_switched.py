@@ -30,10 +30,10 @@ def about(u0: float, y0: float) -> StateSpace:
         (lambda: SwitchedSystem([LIGHT] * 3, [1.0, 1.0]), "must be finite and increase"),
         (lambda: SwitchedSystem([LIGHT, HEAVY], [np.nan]), "must be finite and increase"),
         (lambda: SwitchedSystem([LIGHT, HEAVY], [np.inf]), "must be finite and increase"),
-        (lambda: SwitchedSystem([LIGHT, SMALL], [1.0]), "interval 1 has state_names"),
+        (lambda: SwitchedSystem([LIGHT, SMALL], [1.0]), "interval 1 has the states x1, interval 0 has x1, x2, x3"),
         (
-            lambda: SwitchedSystem([LIGHT, StateSpace(LIGHT.A, LIGHT.B, LIGHT.C, output_names=["tip"])], [1.0]),
-            r"interval 1 has output_names \['tip'\], interval 0 has \['y1'\]",
+            lambda: SwitchedSystem([LIGHT, StateSpace(LIGHT.A, LIGHT.B, LIGHT.C, outputs=["tip"])], [1.0]),
+            "interval 1 has the outputs tip, interval 0 has y1",
         ),
         (lambda: SwitchedSystem([about(1.0, 0.0), about(2.0, 0.0)], [1.0]), "another operating point"),
         (lambda: SwitchedSystem([about(1.0, 0.0), about(1.0, 3.0)], [1.0]), r"y0 \[3.0\] against \[0.0\]"),

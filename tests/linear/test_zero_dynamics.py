@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from invtrack.errors import NonHyperbolicError
-from invtrack.linear.internal_dynamics import internal_dynamics, split_dynamics, zeros, zeros_on_axis
+from invtrack.linear.internal_dynamics import internal_dynamics, split_dynamics, zeros_on_axis
 from invtrack.linear.state_space import StateSpace
+from invtrack.linear.zeros import zeros
 from tests.cited_plants import HE3_A, HE3_B, HE3_C, cantilever_paper
 from tests.linear.random_plants import assert_same_set, block, pencil_zeros, plant_with
 

@@ -11,7 +11,7 @@ from invtrack.errors import TrajectoryError
 from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import OperatingPoint, StateSpace
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.plan import Plan, TwoSidedGenerator, TwoSidedTrajectory
+from invtrack.plans.plan import Plan
 from invtrack.redesign.quadratic import quadratic_redesign
 from invtrack.references.exosystem import sinusoidal_exosystem
 from invtrack.references.profiles import constant, raised_cosine
@@ -24,22 +24,6 @@ from tests.cited_plants import CANTILEVER_TIP_MASSES, cantilever_paper
 def plan() -> Plan:
     systems = [StateSpace(*cantilever_paper(m)) for m in CANTILEVER_TIP_MASSES]
     return invert(SwitchedSystem(systems, [2.0, 5.0]), raised_cosine(2.0))
-
-
-def test_forward_and_backward_parts_against_closed_form() -> None:
-    """x = e^-2t given at the start plus 3 e^(5 (t - 1)) given at the end of [0, 1]; their tails outside."""
-    forward, backward = np.array([[-2.0]]), np.array([[5.0]])
-    one, none, nothing = np.array([[1.0]]), np.zeros((0, 0)), np.zeros((1, 0))
-    generators = (
-        TwoSidedGenerator(forward, one, backward, one),
-        TwoSidedGenerator(none, nothing, backward, one),
-        TwoSidedGenerator(forward, one, none, nothing),
-    )
-    v_f, v_b = np.array([[0.0], [1.0], [np.exp(-2.0)]]), np.array([[7.0], [3.0], [0.0]])
-    trajectory = TwoSidedTrajectory(np.array([0.0, 1.0]), generators, np.array([1, 0, 2]), v_f, v_b)
-    t = np.array([-1.0, 0.0, 0.25, 1.0, 1.0, 3.0])
-    expected = [7 * np.exp(-5), 1 + 3 * np.exp(-5), np.exp(-0.5) + 3 * np.exp(-3.75), np.exp(-2) + 3, np.exp(-2), np.exp(-6)]
-    assert trajectory(t, np.array([0, 1, 1, 1, 2, 2]))[:, 0] == pytest.approx(expected, rel=1e-13)
 
 
 def test_input_has_two_values_at_a_jump_and_state_and_output_have_one(plan: Plan) -> None:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from invtrack.plant.callbacks import Callback, mujoco_callbacks
+from invtrack.plant.couplings import Callback, mujoco_callbacks
 from invtrack.plant.linearize import linearize
 from tests.plant.mechanisms import FREE_BODY, LAGGED_SLIDER, cantilever
 

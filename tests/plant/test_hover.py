@@ -52,16 +52,16 @@ def in_order_of_he3(model: invtrack.StateSpace, heading: float) -> invtrack.Stat
     rows = {name: i for i, name in enumerate(HE3_STATES)}
     for name, axis in velocity.items():
         for world, column in enumerate("xyz"):
-            T[rows[name], model.state_names.index(f"helicopter.{column} velocity")] = to_body[axis, world]
+            T[rows[name], model.states.index(f"helicopter.{column} velocity")] = to_body[axis, world]
     for name, column in {"P": "rx velocity", "Q": "ry velocity", "R": "rz velocity", "phi": "rx", "theta": "ry"}.items():
-        T[rows[name], model.state_names.index(f"helicopter.{column}")] = 1
+        T[rows[name], model.states.index(f"helicopter.{column}")] = 1
     return model.transformed(T, HE3_STATES)
 
 
 @pytest.mark.parametrize("heading", HEADINGS)
 def test_linear_model_is_he3_at_any_heading(heading: float) -> None:
     model = in_order_of_he3(invtrack.linearize(helicopter(heading)), heading)
-    assert model.state_names == HE3_STATES
+    assert model.states.names == HE3_STATES
     assert np.max(np.abs(model.A - HE3_A)) < 1e-9
     assert np.max(np.abs(model.B - HE3_B)) < 1e-9
     assert np.max(np.abs(model.C - np.eye(8)[[HE3_STATES.index(name) for name in "UWVR"]])) < 1e-9
@@ -78,11 +78,11 @@ def test_hover_is_an_equilibrium_with_all_controls_zero(heading: float) -> None:
 
 def test_channels() -> None:
     plant = helicopter()
-    assert plant.state_names[:4] == ("helicopter.rx", "helicopter.ry", "helicopter.x velocity", "helicopter.y velocity")
-    assert (plant.n_states, len(plant.coordinate_names), plant.dropped) == (8, 12, tuple(UNSEEN))
-    assert plant.state_units == ("rad",) * 2 + ("m/s",) * 3 + ("rad/s",) * 3
-    assert plant.output_units == ("m/s", "m/s", "m/s", "rad/s")
-    assert plant.input_units == ("1",) * 4
+    assert plant.states.names[:4] == ("helicopter.rx", "helicopter.ry", "helicopter.x velocity", "helicopter.y velocity")
+    assert (plant.n_states, len(plant.coordinates), plant.dropped) == (8, 12, tuple(UNSEEN))
+    assert plant.states.units == ("rad",) * 2 + ("m/s",) * 3 + ("rad/s",) * 3
+    assert plant.outputs.units == ("m/s", "m/s", "m/s", "rad/s")
+    assert plant.inputs.units == ("1",) * 4
 
 
 def test_only_the_stated_mass_is_there() -> None:
@@ -184,7 +184,7 @@ def test_dropped_states_must_not_act_on_measurements() -> None:
         (["helicopter.x", "heading"], r"no state 'heading' to drop; the states are: helicopter.x, helicopter.y"),
         ("helicopter.x", r"expected a list of states to drop such as \[\"name\"\], got 'helicopter.x'"),
         (
-            invtrack.Plant.from_xml(invtrack.model_path("hover"), inputs=INPUTS, outputs=OUTPUTS).state_names,
+            invtrack.Plant.from_xml(invtrack.model_path("hover"), inputs=INPUTS, outputs=OUTPUTS).states.names,
             r"all states are dropped",
         ),
     ],
@@ -196,7 +196,7 @@ def test_states_to_drop_are_checked_by_name(dropped: Any, message: str) -> None:
 
 def test_dropping_leaves_the_model_of_what_is_kept() -> None:
     whole, less = (invtrack.linearize(helicopter(drop_states=dropped)) for dropped in ((), UNSEEN))
-    kept = [whole.state_names.index(name) for name in less.state_names]
+    kept = [whole.states.index(name) for name in less.states.names]
     assert np.array_equal(less.A, whole.A[np.ix_(kept, kept)])
     assert np.array_equal(less.B, whole.B[kept])
     assert np.array_equal(less.C, whole.C[:, kept])
@@ -206,9 +206,9 @@ def test_dropping_leaves_the_model_of_what_is_kept() -> None:
 def sidestep(plant: invtrack.Plant, **options: Any) -> invtrack.RunResult:
     """A run of two seconds, sideways and down, started somewhere else than at rest."""
     model = invtrack.linearize(plant)
-    still = invtrack.constant(0.0)
+    still = invtrack.references.constant(0.0)
     wanted = invtrack.rest_to_rest(0.0, 0.5, 2.0)
-    plan = invtrack.invert(model, invtrack.stack([still, wanted, wanted, still]), max_preactuation=0.5)
+    plan = invtrack.invert(model, invtrack.references.stack([still, wanted, wanted, still]), max_preactuation=0.5)
     controller = invtrack.TrackingController(plan, invtrack.lqr(model, Q=1.0, R=1.0))
     return invtrack.simulate(plant, controller, timestep=0.01, end=2.0, initial_state=0.05 * np.ones(8), **options)
 
@@ -218,11 +218,11 @@ def test_simulation_runs_the_whole_body_and_shows_the_kept_states(evaluate: Any)
     plant = helicopter(np.pi / 2)
     run = sidestep(plant, evaluate=evaluate)
     assert run.status == "completed"
-    assert run.state.names == plant.state_names
+    assert run.state.channels.names == plant.states.names
     assert run.qpos.shape == (len(run.time), 7)
     assert run.qpos[0, :3] == pytest.approx([0, 0, 6])
     assert run.state.values[0] == pytest.approx(np.full(8, 0.05))
-    kept = [plant.coordinate_names.index(name) for name in plant.state_names[:2]]
+    kept = [plant.coordinates.index(name) for name in plant.states.names[:2]]
     for qpos, x in zip(run.qpos[::40], run.state.values[::40], strict=True):
         displacement = np.empty(6)
         mujoco.mj_differentiatePos(plant.model, displacement, 1.0, plant.configuration.qpos, qpos)
@@ -235,7 +235,7 @@ def test_simulation_runs_the_whole_body_and_shows_the_kept_states(evaluate: Any)
 def test_initial_state_has_the_kept_states() -> None:
     plant = helicopter()
     model = invtrack.linearize(plant)
-    plan = invtrack.invert(model, invtrack.stack([invtrack.rest_to_rest(0.0, 0.0, 1.0)] * 4))
+    plan = invtrack.invert(model, invtrack.references.stack([invtrack.rest_to_rest(0.0, 0.0, 1.0)] * 4))
     with pytest.raises(SimulationError, match=r"initial_state has shape \(12,\), expected \(8,\): helicopter.rx"):
         invtrack.simulate(plant, invtrack.TrackingController(plan), initial_state=np.zeros(12))
 

@@ -31,10 +31,10 @@ def test_cantilever_in_the_papers_coordinates(tip_mass: float, step: float) -> N
 def test_names_and_operating_point_go_with_the_model() -> None:
     plant = cantilever()
     linear = linearize(plant, tip_mass=10.0)
-    assert (linear.state_names, linear.input_names, linear.output_names) == (
-        plant.state_names,
-        plant.input_names,
-        plant.output_names,
+    assert (linear.states.names, linear.inputs.names, linear.outputs.names) == (
+        plant.states.names,
+        plant.inputs.names,
+        plant.outputs.names,
     )
     assert linear.operating_point.agrees_with(plant.operating_point)
     assert set(linear.error_estimates) == {"A", "B", "C", "D"}

@@ -134,7 +134,8 @@ def test_fixed_inertia_is_a_point_mass_and_scaled_inertia_a_denser_body(tmp_path
 
 
 def test_units_and_bodies(springs: Plant) -> None:
-    assert dict(springs.parameter_units) == {
+    channels = springs.parameter_channels
+    assert dict(zip(channels.names, channels.units, strict=True)) == {
         "cart_mass": "kg",
         "arm_mass": "kg",
         "k_cart": "N/m",

@@ -22,10 +22,10 @@ def slider(folder: Path, mjcf: str = LAGGED_SLIDER, **options: Any) -> Plant:
 def test_channels_of_the_cantilever() -> None:
     plant = cantilever()
     assert plant.name == "cantilever"
-    assert (plant.input_names, plant.input_units) == (("base_force",), ("N",))
-    assert (plant.output_names, plant.output_units) == (("tip_position",), ("m",))
-    assert plant.state_names == ("base", "deflection", "rotation", "base velocity", "deflection velocity", "rotation velocity")
-    assert plant.state_units == ("m", "m", "rad", "m/s", "m/s", "rad/s")
+    assert (plant.inputs.names, plant.inputs.units) == (("base_force",), ("N",))
+    assert (plant.outputs.names, plant.outputs.units) == (("tip_position",), ("m",))
+    assert plant.states.names == ("base", "deflection", "rotation", "base velocity", "deflection velocity", "rotation velocity")
+    assert plant.states.units == ("m", "m", "rad", "m/s", "m/s", "rad/s")
     assert plant.n_states == 6
     assert plant.parameter_values == {"tip_mass": 0.0}
 
@@ -33,8 +33,8 @@ def test_channels_of_the_cantilever() -> None:
 def test_outputs_are_what_they_say(tmp_path: Path) -> None:
     outputs = ["joint:x", "joint:x:velocity", "site:mark:x", "site:mark:y", "place[0]", "place[1]", "position"]
     plant = slider(tmp_path, outputs=outputs)
-    assert plant.output_names == tuple(outputs)
-    assert plant.output_units == ("m", "m/s", "m", "m", "m", "m", "m")
+    assert plant.outputs.names == tuple(outputs)
+    assert plant.outputs.units == ("m", "m/s", "m", "m", "m", "m", "m")
     data = plant.at(qpos=[0.25], qvel=[-2.0]).new_data()
     assert plant.measure(data) == pytest.approx([0.25, -2.0, 0.25, 0.5, 0.25, 0.5, 0.25])
     assert np.array_equal(data.sensordata[plant.output_addresses], plant.measure(data))
@@ -42,7 +42,7 @@ def test_outputs_are_what_they_say(tmp_path: Path) -> None:
 
 def test_activations_are_states(tmp_path: Path) -> None:
     plant = slider(tmp_path).at(qpos=[0.1], act=[0.4])
-    assert plant.state_names == ("x", "x velocity", "drive activation")
+    assert plant.states.names == ("x", "x velocity", "drive activation")
     data = plant.new_data()
     data.qpos[:], data.qvel[:], data.act[:] = 0.3, 0.5, 0.1
     assert plant.state(data) == pytest.approx([0.2, 0.5, -0.3])
@@ -50,17 +50,17 @@ def test_activations_are_states(tmp_path: Path) -> None:
 
 def test_ball_and_free_joints_have_named_components(tmp_path: Path) -> None:
     ball = plant_of(tmp_path, BALL_PENDULUM, inputs=["torque_x"], outputs=["site:bob:y"])
-    assert ball.state_names[:4] == ("ball.rx", "ball.ry", "ball.rz", "ball.rx velocity")
-    assert ball.state_units[2:4] == ("rad", "rad/s")
-    assert ball.input_units == ("N m",)
+    assert ball.states.names[:4] == ("ball.rx", "ball.ry", "ball.rz", "ball.rx velocity")
+    assert ball.states.units[2:4] == ("rad", "rad/s")
+    assert ball.inputs.units == ("N m",)
     free = plant_of(tmp_path, FREE_BODY, inputs=["thrust"], outputs=["site:centre:z"])
-    assert free.state_names[:6] == ("craft.x", "craft.y", "craft.z", "craft.rx", "craft.ry", "craft.rz")
-    assert (free.n_states, free.state_units[5:7], free.input_units) == (12, ("rad", "m/s"), ("N",))
+    assert free.states.names[:6] == ("craft.x", "craft.y", "craft.z", "craft.rx", "craft.ry", "craft.rz")
+    assert (free.n_states, free.states.units[5:7], free.inputs.units) == (12, ("rad", "m/s"), ("N",))
 
 
 def test_units_can_be_overridden(tmp_path: Path) -> None:
     plant = slider(tmp_path, units={"drive": "V", "position": "mm", "drive activation": "A"})
-    assert (plant.input_units, plant.output_units, plant.state_units) == (("V",), ("mm",), ("m", "m/s", "A"))
+    assert (plant.inputs.units, plant.outputs.units, plant.states.units) == (("V",), ("mm",), ("m", "m/s", "A"))
 
 
 def test_operating_point_holds_everything_absolute(tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def test_transfer_functions_are_the_printed_ones(output: str) -> None:
 
 
 def test_zeros_lie_near_the_imaginary_axis() -> None:
-    found = invtrack.zeros(invtrack.linearize(two_disc()))
+    found = invtrack.linear.zeros(invtrack.linearize(two_disc()))
     assert np.sort_complex(found) == pytest.approx([0.21998 - 4.74976j, 0.21998 + 4.74976j], abs=1e-5)
 
 
@@ -77,7 +77,7 @@ def test_passive_rig_keeps_its_energy() -> None:
 
 def test_passive_rig_has_zeros_on_the_axis_and_no_inverse() -> None:
     linear = invtrack.linearize(two_disc("two_disc_passive"))
-    assert np.sort_complex(invtrack.zeros(linear)) == pytest.approx([-4.755j, 4.755j], abs=5e-4)
+    assert np.sort_complex(invtrack.linear.zeros(linear)) == pytest.approx([-4.755j, 4.755j], abs=5e-4)
     with pytest.raises(NonHyperbolicError, match="imaginary axis"):
         invtrack.invert(linear, invtrack.rest_to_rest(0.0, 1.0, 10.0))
 
@@ -116,4 +116,4 @@ def test_units_of_tendons_over_hinges_are_those_of_rotation() -> None:
     plant = invtrack.Plant.from_xml(
         invtrack.model_path("two_disc"), inputs=["motor"], outputs=["disc2_angle"], measurements=["twist"]
     )
-    assert (plant.input_units, plant.output_units, plant.measurement_units) == (("N m",), ("rad",), ("rad",))
+    assert (plant.inputs.units, plant.outputs.units, plant.measurements.units) == (("N m",), ("rad",), ("rad",))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
+from invtrack.channels import Channels
 from invtrack.results.result import Event, RunResult, Signal
 
 MJCF = """
@@ -59,25 +60,25 @@ def mechanism_run(name: str = "inversion", steps: int = 300) -> RunResult:
         mujoco.mj_step(model, data)
     time = -0.4 + 0.004 * np.arange(steps + 1)
     masses = np.array(MASSES)[np.searchsorted(CHANGES, np.arange(steps), side="right") - 1]
-    output = Signal(qpos[:, :1].copy(), ("tip_position",), ("m",))
-    force = Signal(np.sin(7 * time[:-1, np.newaxis]), ("base_force",), ("N",))
+    output = Signal(qpos[:, :1].copy(), Channels(("tip_position",), ("m",)))
+    force = Signal(np.sin(7 * time[:-1, np.newaxis]), Channels(("base_force",), ("N",)))
     wanted = np.full((steps + 1, 4), np.nan)
     wanted[:, 0] = time
-    names, units = ("slide", "hinge", "slide velocity", "hinge velocity"), ("m", "rad", "m/s", "rad/s")
+    states = Channels(("slide", "hinge", "slide velocity", "hinge velocity"), ("m", "rad", "m/s", "rad/s"))
     binary = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
     mujoco.mj_saveModel(model, None, binary)
     return RunResult(
         name=name,
         model="cart with arm",
         time=time,
-        state=Signal(state, names, units),
-        state_reference=Signal(wanted, names, units),
+        state=Signal(state, states),
+        state_reference=Signal(wanted, states),
         output=output,
-        reference=Signal(np.where(time > 0, time, 0.0)[:, np.newaxis], output.names, output.units),
-        planned_output=Signal(np.full((steps + 1, 1), np.nan), output.names, output.units),
+        reference=Signal(np.where(time > 0, time, 0.0)[:, np.newaxis], output.channels),
+        planned_output=Signal(np.full((steps + 1, 1), np.nan), output.channels),
         commanded=force,
-        applied=Signal(np.clip(force.values, -0.5, 0.5), force.names, force.units),
-        parameters=Signal(np.column_stack([masses, np.full(steps, 0.25)]), ("tip_mass", "damping"), ("kg", "N s/m")),
+        applied=Signal(np.clip(force.values, -0.5, 0.5), force.channels),
+        parameters=Signal(np.column_stack([masses, np.full(steps, 0.25)]), Channels(("tip_mass", "damping"), ("kg", "N s/m"))),
         manoeuvre=(0.0, 0.6),
         timestep=0.004,
         evaluate="held",

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rerun.chunk import OptimizationProfile, RrdReader
 
+from invtrack.channels import Channels
 from invtrack.recording import load_recording, save_recording
 from invtrack.results.result import RunResult, Signal
 from tests.recording.conftest import Recorded, mechanism_run
@@ -28,17 +29,17 @@ def test_a_run_comes_back_bit_for_bit(run: RunResult, tmp_path: Path) -> None:
 @settings(max_examples=15, deadline=None)
 @given(
     values=arrays(np.float64, (4, 3), elements=st.floats(width=64)),
-    names=st.lists(st.text(max_size=8), min_size=3, max_size=3),
+    names=st.lists(st.text(max_size=8), min_size=3, max_size=3, unique=True),
     units=st.lists(st.sampled_from(["m", "m/s", "", "N·m", "[odd] unit"]), min_size=3, max_size=3),
     case=st.text(st.characters(exclude_categories=["Cs", "Cc"]), min_size=1, max_size=12),
 )
-@example(values=np.zeros((4, 3)), names=["", "", ""], units=["m", "m", "m"], case="\\")  # the two that Rerun's own
-@example(values=np.zeros((4, 3)), names=["", "", ""], units=["m", "m", "m"], case="a\\ %5C")  # escapes do not survive
+@example(values=np.zeros((4, 3)), names=["", " ", "  "], units=["m", "m", "m"], case="\\")  # the two that Rerun's own
+@example(values=np.zeros((4, 3)), names=["", " ", "  "], units=["m", "m", "m"], case="a\\ %5C")  # escapes do not survive
 def test_every_float_and_every_name_survives(
     values: np.ndarray, names: list[str], units: list[str], case: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     def signal(rows: int) -> Signal:
-        return Signal(values[:rows].copy(), tuple(names), tuple(units))
+        return Signal(values[:rows].copy(), Channels(names, units))
 
     sampled = {name: signal(4) for name in ("state", "state_reference", "output", "reference", "planned_output")}
     held = {name: signal(3) for name in ("commanded", "applied", "parameters")}
@@ -67,7 +68,7 @@ def test_cases_come_back_by_name_in_the_order_they_were_saved(run: RunResult, tm
 
 
 def test_a_plant_without_geometry_and_parameters(run: RunResult, tmp_path: Path) -> None:
-    none = Signal(np.zeros((run.time.size - 1, 0)), (), ())
+    none = Signal(np.zeros((run.time.size - 1, 0)), Channels())
     linear = dataclasses.replace(run, parameters=none, parameter_bodies={}, mjb=b"", qpos=np.zeros((0, 0)))
     path = save_recording(linear, tmp_path / "linear.rrd")
     assert load_recording(path)["inversion"].equals(linear)
@@ -76,7 +77,7 @@ def test_a_plant_without_geometry_and_parameters(run: RunResult, tmp_path: Path)
 
 def test_a_run_that_stopped_at_its_first_sample(run: RunResult, tmp_path: Path) -> None:
     def cut(signal: Signal, rows: int) -> Signal:
-        return Signal(signal.values[:rows].copy(), signal.names, signal.units)
+        return Signal(signal.values[:rows].copy(), signal.channels)
 
     sampled = {name: cut(getattr(run, name), 1) for name in ("state", "state_reference", "output", "reference", "planned_output")}
     held = {name: cut(getattr(run, name), 0) for name in ("commanded", "applied", "parameters")}

@@ -142,6 +142,14 @@ def test_a_jump_between_equal_plants_changes_nothing() -> None:
     assert_close(limited(SwitchedSystem([NONMINIMUM, copy], [2.5]))(TIMES).u, plain_plan()(TIMES).u)
 
 
+def test_a_model_that_recurs_may_be_one_object_or_several() -> None:
+    again = StateSpace(NONMINIMUM.A, NONMINIMUM.B, NONMINIMUM.C)
+    one, several = (limited(SwitchedSystem([NONMINIMUM, HEAVIER, last], [0.7, 2.2])) for last in (NONMINIMUM, again))
+    assert np.array_equal(one.breakpoints, several.breakpoints)
+    assert_close(one.states(TIMES), several.states(TIMES))
+    assert_close(one.inputs(TIMES), several.inputs(TIMES))
+
+
 def test_a_plant_follows_the_plan() -> None:
     plan = limited(SwitchedSystem([NONMINIMUM, HEAVIER], [1.25]), limits=Limits(input=1.0, input_rate=2.0))
     run = simulate(LinearPlant(plan.model), TrackingController(plan, lqr(plan.model, Q=1.0, R=1.0)), timestep=0.01)
@@ -165,7 +173,7 @@ def test_limited_preactuation_is_remarked() -> None:
         (Limits(input=0.0), r"limit 'input': expected positive numbers, got \[0\.0\]"),
         (Limits(input=-1.0), "expected positive numbers"),
         (Limits(input=np.nan), "entries that are not numbers"),
-        (Limits(input="strong"), "must be a number or one per channel"),
+        (Limits(input="strong"), "limit 'input' must be real numbers, got 'strong'"),
         (Limits(input=[1.0, 2.0]), r"expected a number or 1 for the inputs \['u1'\], got shape \(2,\)"),
         (Limits(output=(1.0, -1.0)), r"expected each low below its high, got low \[1\.0\], high \[-1\.0\]"),
         (Limits(input_rate=(-1.0, 0.0, 1.0)), r"a tuple \(low, high\) of two, got 3"),
@@ -174,7 +182,7 @@ def test_limited_preactuation_is_remarked() -> None:
             r"of the states \['x1', 'x2', 'x3'\].*\['th1'\] are unknown",
         ),
         (Limits(states=[StateLimit("none", {}, 1.0)]), "expected weights of some of the states"),
-        (Limits(states=[StateLimit("zero", {"x1": 0.0}, 1.0)]), "finite weights that are not all zero"),
+        (Limits(states=[StateLimit("zero", {"x1": 0.0}, 1.0)]), "weights of 'zero' must not all be zero"),
         (Limits(states=[StateLimit("twist", {"x1": 1.0}, 0.0)]), "limit 'twist': expected positive numbers"),
         (
             Limits(input=(0.5, 1.0)),

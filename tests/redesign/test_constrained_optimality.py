@@ -105,7 +105,7 @@ def test_limited_input(case: str, share: float) -> None:
     assert plan.certificate.continuity < 1e-10
     assert plan.certificate.rest_residual < 1e-9
     assert cost(plan, **weights) > cost(free, **weights)
-    assert {active.name for active in plan.active} <= {f"input {name!r}" for name in as_switched(model).input_names}
+    assert {active.name for active in plan.active} <= {f"input {name!r}" for name in as_switched(model).inputs.names}
     for active in plan.active:
         start, end = active.intervals[0]
         channel = int(active.name[-2]) - 1

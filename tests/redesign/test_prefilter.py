@@ -301,7 +301,10 @@ def test_rounding_of_the_held_value_is_no_cost() -> None:
         ({"R": lambda w: 1.0 + (w > 0), "Q_y": 1.0}, "conjugate values at w and -w"),
         ({"R": lambda w: -1.0, "Q_y": 1.0}, "R must be .* at w = 0 rad/s"),
         ({"R": 1.0, "Q_y": 1.0, "stabilizing_gain": [[0.0, 0.0]]}, "does not stabilize"),
-        ({"R": 1.0, "Q_y": 1.0, "stabilizing_gain": [1.0]}, r"finite \(1, 2\) matrix"),
+        (
+            {"R": 1.0, "Q_y": 1.0, "stabilizing_gain": [1.0]},
+            r"stabilizing_gain .* must be a \(1, 2\) matrix of finite real numbers",
+        ),
     ],
 )
 def test_bad_weights_and_gains_are_refused(options: dict, match: str) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from invtrack.errors import InvtrackError, RedesignError, TrajectoryError
+from invtrack.errors import InvtrackError, PlanError, RedesignError, TrajectoryError
 from invtrack.linear.state_space import StateSpace
 from invtrack.redesign.cost import cost
 from invtrack.redesign.quadratic import quadratic_redesign
@@ -44,7 +44,7 @@ def beside(b: list[float], c: list[float], oscillator: np.ndarray = OSCILLATOR) 
     ],
 )
 def test_options(options: dict[str, Any], message: str) -> None:
-    with pytest.raises(RedesignError, match=message):
+    with pytest.raises(PlanError, match=message):
         quadratic_redesign(NONMINIMUM, there_and_back(), **{**GOOD, **options})
 
 

@@ -112,7 +112,7 @@ def test_what_is_handed_in_is_copied() -> None:
         (lambda: exosystem([[0.0]], [1.0], names=["a", "b"]), r"expected 1 distinct names .* got \['a', 'b'\]"),
         (lambda: Exosystem([[[0.0]]], [[[1.0]]], [2.0]), "2 of each for 1 switch times; got 1 and 1"),
         (lambda: Exosystem([[[0.0]]] * 3, [[[1.0]]] * 3, [2.0, 1.0]), r"finite and increase, got \[2.0, 1.0\]"),
-        (lambda: exosystem([[0.0]], [1.0]).reference([1.0, 2.0]), r"exosystem state of 1 entries \['x_e1'\]"),
+        (lambda: exosystem([[0.0]], [1.0]).reference([1.0, 2.0]), r"must be finite, one number for each of \['x_e1'\]"),
         (lambda: exosystem([[0.0]], [1.0]).reference([1.0], at=np.inf), "must be finite, got inf"),
         (lambda: step_exosystem(start=0.0).resampled([1.0]), r"switch times \[0.0\] of the exosystem are not among the new ones"),
         (lambda: step_exosystem().transformed([[0.0]]), r"T must be a nonsingular \(1, 1\) matrix"),

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from invtrack.channels import Channels
 from invtrack.errors import TrajectoryError
 from invtrack.references.profiles import autonomous, constant, piecewise_polynomial, raised_cosine, rest_to_rest
 from invtrack.references.reference_report import reference_report
@@ -89,7 +90,7 @@ def test_noise_shows_first_in_the_order_that_amplifies_it_past_the_motion(gain: 
 
 def test_text_names_channels_and_units() -> None:
     both = stack([rest_to_rest(0.0, 2.0, 3.0), rest_to_rest(0.0, 1.0, 2.0)])
-    text = str(reference_report(both, highest=2, names=["tip", "angle"], units=["m", "rad"]))
+    text = str(reference_report(both, highest=2, channels=Channels(["tip", "angle"], ["m", "rad"])))
     for expected in ("from 0 s to 3 s, 2 piece(s) of 1 s to 2 s", "tip", "2 m ", "angle", "rad/s ", "rad/s^2 "):
         assert expected in text
     assert " 1/s^2 " in str(reference_report(both, highest=2))
@@ -100,8 +101,7 @@ def test_text_names_channels_and_units() -> None:
     [
         ({"highest": 0}, "whole number from 1 on, got 0"),
         ({"highest": 2.5}, "whole number from 1 on, got 2.5"),
-        ({"names": ["a", "b"]}, r"expected 1 name\(s\) and unit\(s\), one per channel, got \['a', 'b'\]"),
-        ({"units": []}, r"expected 1 name\(s\)"),
+        ({"channels": ["a", "b"]}, r"the reference has 1 channel\(s\), got names for 2: a, b"),
     ],
 )
 def test_bad_options_are_refused(options: dict[str, Any], message: str) -> None:

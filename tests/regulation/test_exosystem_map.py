@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from invtrack.errors import InversionError, NonHyperbolicError, TrajectoryError
+from invtrack.errors import InversionError, NonHyperbolicError, PlanError, TrajectoryError
 from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import OperatingPoint, StateSpace
 from invtrack.linear.switched import SwitchedSystem
@@ -269,7 +269,7 @@ def test_refusals_say_why() -> None:
         exosystem_map(CANTILEVER[0], constant(1.0))  # type: ignore[arg-type]
     with pytest.raises(TrajectoryError, match=r"expected finite times .* got nan"):
         exosystem_map(CANTILEVER[0], polynomial_exosystem(2)).x_map(np.nan)
-    with pytest.raises(InversionError, match="tolerance must lie between 0 and 1, got 0"):
+    with pytest.raises(PlanError, match="tolerance must lie between 0 and 1, got 0"):
         exosystem_map(CANTILEVER[0], step_exosystem(), tolerance=0)
     zero = plant_with(np.random.default_rng(3), (1,), block(0.5))
     with pytest.raises(

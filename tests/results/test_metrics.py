@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
 from invtrack.results.metrics import (
     max_error,
@@ -50,8 +51,8 @@ def test_rms_weighs_by_time_and_not_by_samples() -> None:
     late = coarse.time[coarse.time > 8.0]
     time = np.concatenate([fine.time[fine.time <= 8.0], late])
     constant = np.where(time <= 8.0, 1.0, 0.0)[:, None]
-    zero = Signal(np.zeros_like(constant), ("y",), ("m",))
-    run = replace(fine, time=time, output=Signal(constant, ("y",), ("m",)), reference=zero)
+    zero = Signal(np.zeros_like(constant), Channels(("y",), ("m",)))
+    run = replace(fine, time=time, output=Signal(constant, Channels(("y",), ("m",))), reference=zero)
     assert rms_error(run) == pytest.approx(np.sqrt(14 / 22), rel=1e-3)
 
 
@@ -109,9 +110,9 @@ def test_applied_and_commanded_inputs_are_told_apart() -> None:
 
 def test_the_worst_output_counts() -> None:
     run = two_mode_run(modes=SINE, timestep=0.01)
-    labels = ("y1", "y2"), ("m", "m")
-    reference = Signal(np.repeat(run.reference.values, 2, axis=1), *labels)
-    run2 = replace(run, output=Signal(reference.values + run.error * [1.0, -3.0], *labels), reference=reference)
+    outputs = Channels(("y1", "y2"), ("m", "m"))
+    reference = Signal(np.repeat(run.reference.values, 2, axis=1), outputs)
+    run2 = replace(run, output=Signal(reference.values + run.error * [1.0, -3.0], outputs), reference=reference)
     for metric in (max_error, rms_error, residual_vibration):
         assert metric(run2) == pytest.approx(3 * metric(run), rel=1e-9)
 

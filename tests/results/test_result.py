@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from invtrack.errors import InvtrackError
+from invtrack.channels import Channels
+from invtrack.errors import ChannelError, InvtrackError
 from invtrack.results.result import Signal
 from tests.synthetic_runs import two_mode_run
 
@@ -37,14 +38,16 @@ def test_thinning_by_less_is_refused() -> None:
 
 
 def test_a_signal_is_read_by_name() -> None:
-    signal = Signal(np.array([[1.0, 2.0]]), ("a", "b"), ("m", "N"))
+    signal = Signal(np.array([[1.0, 2.0]]), Channels(("a", "b"), ("m", "N")))
     assert signal["b"].tolist() == [2.0]
-    with pytest.raises(KeyError, match="there are: a, b"):
+    with pytest.raises(ChannelError, match="no channel is named 'c'; there are: a, b"):
         signal["c"]
+    with pytest.raises(InvtrackError, match=r"expected values \(samples, 2\) of a \[m\], b \[N\], got shape \(3, 1\)"):
+        Signal(np.zeros((3, 1)), signal.channels)
 
 
 def test_a_run_without_parameters_is_thinned_alike() -> None:
     run = two_mode_run()
-    bare = replace(run, parameters=Signal(np.zeros((len(run.time) - 1, 0)), (), ()), parameter_bodies={})
+    bare = replace(run, parameters=Signal(np.zeros((len(run.time) - 1, 0)), Channels()), parameter_bodies={})
     thin = bare.thinned(10)
     assert len(thin.parameters.values) == len(thin.time) - 1

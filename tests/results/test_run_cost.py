@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
+from invtrack.results.metrics import run_cost
 from invtrack.results.result import RunResult, Signal
-from invtrack.results.run_cost import run_cost
 from tests.synthetic_runs import diverged, two_mode_run
 
 
@@ -20,10 +21,10 @@ def slow_run(steps: int) -> RunResult:
     return replace(
         run,
         time=time,
-        state=Signal(np.column_stack([time, np.ones_like(time)]), ("a", "b"), ("m", "m")),
-        output=Signal((time**2 + 7.0)[:, None], ("y",), ("m",)),
-        reference=Signal(np.full((steps + 1, 1), 7.0), ("y",), ("m",)),
-        applied=Signal(np.where(time[:-1] < 1.0, 3.0, 5.0)[:, None], ("u",), ("N",)),
+        state=Signal(np.column_stack([time, np.ones_like(time)]), Channels(("a", "b"), ("m", "m"))),
+        output=Signal((time**2 + 7.0)[:, None], Channels(("y",), ("m",))),
+        reference=Signal(np.full((steps + 1, 1), 7.0), Channels(("y",), ("m",))),
+        applied=Signal(np.where(time[:-1] < 1.0, 3.0, 5.0)[:, None], Channels(("u",), ("N",))),
     )
 
 

@@ -73,5 +73,5 @@ def test_nonlinear_body_adds_no_more_than_its_tilt_explains(summary: dict[str, A
 def test_recording_shows_the_body(folder: Path) -> None:
     run = invtrack.load_recording(folder / "modified.rrd")["modified"]
     assert run.qpos.shape == (len(run.time), 7)
-    assert run.state.names[0] == "helicopter.rx"
+    assert run.state.channels.names[0] == "helicopter.rx"
     assert run.model == "hover"

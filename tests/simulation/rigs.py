@@ -19,7 +19,6 @@ class Rig:
     reference: invtrack.PiecewiseSignal
     plan: invtrack.Plan
     gains: invtrack.GainSchedule
-    schedule: list[invtrack.Change]
 
     @property
     def controller(self) -> invtrack.TrackingController:
@@ -46,5 +45,4 @@ def cantilever_rig(tolerance: float = 1e-11, measurements: tuple[str, ...] | Non
         reference=reference,
         plan=invtrack.invert(model, reference, tolerance=tolerance),
         gains=invtrack.lqr(model, Q=100.0, R=0.01),
-        schedule=[invtrack.Change(t, tip_mass=m) for t, m in zip(JUMPS, MASSES[1:], strict=True)],
     )

@@ -22,13 +22,13 @@ def rig() -> Rig:
 
 @pytest.fixture(scope="module")
 def run(rig: Rig) -> invtrack.RunResult:
-    return invtrack.simulate(rig.plant, rig.controller, schedule=rig.schedule, timestep=STEP, name="inversion")
+    return invtrack.simulate(rig.plant, rig.controller, timestep=STEP, name="inversion")
 
 
 def short_run(rig: Rig, controller: invtrack.TrackingController | None = None, **options: object) -> invtrack.RunResult:
     """From the plan's state a little before the manoeuvre: what is looked at happens around the jumps."""
     start = -2.0
-    settings: dict[str, object] = {"schedule": rig.schedule, "timestep": 4e-3, "start": start, "end": 8.0, **options}
+    settings: dict[str, object] = {"timestep": 4e-3, "start": start, "end": 8.0, **options}
     return invtrack.simulate(rig.plant, controller or rig.controller, initial_state=rig.plan(start).x[0], **settings)  # type: ignore[arg-type]
 
 
@@ -43,7 +43,11 @@ def test_residual_vibration_against_an_inverse_that_ignores_the_jumps(rig: Rig, 
     assert invtrack.residual_vibration(run) <= 2e-6
     frozen = invtrack.invert(rig.model.systems[0], rig.reference)
     frozen_run = invtrack.simulate(
-        rig.plant, invtrack.TrackingController(frozen, rig.gains), schedule=rig.schedule, timestep=4e-3, name="frozen_inversion"
+        rig.plant,
+        invtrack.TrackingController(frozen, rig.gains),
+        schedule=[invtrack.Change(t, **values) for t, values in rig.plan.schedule],
+        timestep=4e-3,
+        name="frozen_inversion",
     )
     assert invtrack.residual_vibration(frozen_run) > 1e5 * invtrack.residual_vibration(run)
 
@@ -52,11 +56,11 @@ def test_the_feedback_has_nothing_to_do(rig: Rig, run: invtrack.RunResult) -> No
     feedforward = rig.plan(run.time[:-1] + np.diff(run.time) / 2).u
     effort = run.commanded.values - feedforward
     assert np.max(np.abs(effort)) <= 1e-6 * np.max(np.abs(feedforward))
-    assert invtrack.peak_input(run) == pytest.approx(268, abs=1)
+    assert invtrack.results.peak_input(run) == pytest.approx(268, abs=1)
 
 
 def test_continuous_hold_is_exact_to_what_the_preactuation_leaves(rig: Rig) -> None:
-    result = invtrack.simulate(rig.plant, rig.controller, schedule=rig.schedule, timestep=4e-3, evaluate="stages")
+    result = invtrack.simulate(rig.plant, rig.controller, timestep=4e-3, evaluate="stages")
     assert invtrack.max_error(result) <= 1e-9
 
 

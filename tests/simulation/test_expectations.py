@@ -60,7 +60,7 @@ def test_a_feedback_held_for_too_long_is_pointed_out() -> None:
 
 def test_sensors_that_nobody_looks_at_are_pointed_out() -> None:
     controller, plant = invtrack.TrackingController(invtrack.invert(POINT_MASS, SLEW)), invtrack.LinearPlant(POINT_MASS)
-    (name,) = plant.measurement_names
+    (name,) = plant.model.measurements.names
     with pytest.warns(RuntimeWarning, match="TrackingController knows the state and looks at none"):
         invtrack.simulate(plant, controller, timestep=0.01, sensors={name: invtrack.Sensor(noise=1e-3)})
 

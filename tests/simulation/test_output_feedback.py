@@ -24,8 +24,6 @@ def rig() -> Rig:
 def run(rig: Rig, plant: invtrack.Plant | invtrack.LinearPlant, controller: object, **options: object) -> invtrack.RunResult:
     settings: dict[str, object] = {"timestep": 2e-3, "start": START, "end": STOP, **options}
     settings.setdefault("initial_state", rig.plan(START).x[0])
-    if plant is rig.plant:
-        settings.setdefault("schedule", rig.schedule)
     return invtrack.simulate(plant, controller, **settings)  # type: ignore[arg-type]
 
 
@@ -34,7 +32,7 @@ def with_observer(rig: Rig, **options: object) -> invtrack.OutputFeedbackControl
 
 
 def test_linear_model_predicts_the_physics(rig: Rig) -> None:
-    linear = invtrack.LinearPlant(rig.model, like=rig.plant)
+    linear = invtrack.LinearPlant(rig.model, input_limits=rig.plant.input_limits)
     noise = {
         "tip_position": invtrack.Sensor(noise=1e-3, quantization=1e-4),
         "base_position": invtrack.Sensor(noise=1e-3, delay=0.015),
@@ -45,7 +43,7 @@ def test_linear_model_predicts_the_physics(rig: Rig) -> None:
         prediction = run(rig, linear, controller, sensors=sensors)
         assert np.array_equal(physics.time, prediction.time)
         np.testing.assert_allclose(physics.output.values, prediction.output.values, atol=1e-6)
-        assert (physics.output.names, physics.output.units) == (prediction.output.names, prediction.output.units)
+        assert physics.output.channels == prediction.output.channels
 
 
 def test_linear_plant_tracks_to_the_same_order(rig: Rig) -> None:
@@ -127,7 +125,7 @@ def test_sensor_values_are_recorded_and_read_back(rig: Rig, tmp_path: Path) -> N
     )
     digits = result.measured["tip_position"] / 1e-3
     np.testing.assert_allclose(digits, np.rint(digits), atol=1e-9)
-    assert result.measured.units == ("m", "m")
+    assert result.measured.channels.units == ("m", "m")
     invtrack.save_recording(result, tmp_path / "run.rrd")
     assert invtrack.load_recording(tmp_path / "run.rrd")["run"].equals(result)
 
@@ -146,12 +144,12 @@ def test_limits_of_a_linear_plant(rig: Rig) -> None:
     linear = invtrack.LinearPlant(rig.model, input_limits=[[-100.0, 100.0]])
     with pytest.warns(RuntimeWarning, match=r"needs base_force from -268\.\d to 215\.\d"):
         result = run(rig, linear, rig.controller)
-    assert invtrack.peak_input(result) == 100.0
+    assert invtrack.results.peak_input(result) == 100.0
 
 
 def test_switch_times_of_the_linear_plant_are_its_own(rig: Rig) -> None:
     late = invtrack.LinearPlant(invtrack.SwitchedSystem(rig.model.systems, [t + 0.05 for t in JUMPS]))
-    physics = run(rig, rig.plant, rig.controller, schedule=[invtrack.Change(c.time + 0.05, **c.parameters) for c in rig.schedule])
+    physics = run(rig, rig.plant, rig.controller, schedule=[invtrack.Change(t + 0.05, **values) for t, values in rig.plan.schedule])
     prediction = run(rig, late, rig.controller)
     assert invtrack.max_error(prediction) == pytest.approx(invtrack.max_error(physics), rel=1e-4)
     assert invtrack.max_error(physics) > 1e-3

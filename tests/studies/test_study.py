@@ -17,7 +17,7 @@ from rerun.chunk import RrdReader
 
 import invtrack
 from invtrack.errors import InvtrackError, NonHyperbolicError
-from invtrack.figures.comparison import comparison_figure
+from invtrack.figures import comparison_figure
 from invtrack.studies import Column, DivergedError, Session, Setup, Study, StudyOptions, Table
 from tests.studies.tiny import case, controller, diverging, oscillator, study
 

@@ -91,5 +91,7 @@ def _optimized_gain(problem: DesignProblem, part: MovablePart, internal: Interna
         return None
     if not len(part.targets):
         return structured_gain(part, np.zeros((len(problem.output_scale), 0)))
-    directions = best_directions(part, internal, equilibrium(internal), problem.deviation, problem.output_scale, problem.active)
+    directions = best_directions(
+        part, internal, equilibrium(internal), problem.planning.deviation, problem.output_scale, problem.active
+    )
     return structured_gain(part, directions)

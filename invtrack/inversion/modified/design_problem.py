@@ -10,15 +10,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.inversion.bounded_solution.refusals import ACCURACY
-from invtrack.inversion.bounded_solution.solution import BoundedSolution, bounded_solution
+from invtrack.inversion.exact import BoundedSolution, bounded_solution
 from invtrack.inversion.modified.modified_dynamics import ModifiedDynamics, derivative_columns
 from invtrack.inversion.modified.modified_plan import Candidate
 from invtrack.inversion.modified.placement import MovablePart
 from invtrack.linear.internal_dynamics import InternalDynamics
-from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.certificate import certify
-from invtrack.plans.plan import TwoSidedTrajectory
+from invtrack.plans.certificate import ACCURACY, certify
+from invtrack.plans.problem import PlanningProblem
+from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -50,11 +49,9 @@ class ErrorSamples:
     pieces: NDArray[np.intp]
     weights: Array
 
-    def errors(self, trajectory: TwoSidedTrajectory, reference: PiecewiseSignal, scale: Array) -> Array:
+    def errors(self, trajectory: Trajectory, reference: PiecewiseSignal, scale: Array) -> Array:
         """sqrt(weight) (y - y_d) / scale, (m, p): its sum of squares is the integral of the squared error."""
-        p = len(scale)
-        rows = len(trajectory.generators[0].X_b)
-        y = trajectory(self.times, self.pieces, slice(rows - p, rows))
+        y = trajectory(self.times, self.pieces, slice(trajectory.rows - len(scale), trajectory.rows))
         return np.sqrt(self.weights)[:, None] * (y - reference(self.times)) / scale
 
 
@@ -84,40 +81,42 @@ def _count(length: float, panel: float) -> int:
 class DesignProblem:
     """What the freedom is chosen for; parts: what is placed in each interval, unmoved: the zeros that stay there.
 
-    deviation: the reference as deviation from the operating point; output_scale (p,): errors are measured in it.
+    output_scale (p,): errors are measured in it.
     """
 
-    plant: SwitchedSystem
+    planning: PlanningProblem
     internals: Sequence[InternalDynamics]
     parts: Sequence[MovablePart]
     unmoved: Sequence[ComplexArray]
-    deviation: PiecewiseSignal
     output_scale: Array
 
     @cached_property
     def samples(self) -> ErrorSamples:
         """Where the error is weighed."""
         poles = np.concatenate([part.poles for part in self.parts])
-        return error_samples(self.deviation.breakpoints, poles if len(poles) else np.array([1.0 + 0j]))
+        return error_samples(self.planning.deviation.breakpoints, poles if len(poles) else np.array([1.0 + 0j]))
 
     @cached_property
     def active(self) -> NDArray[np.bool_]:
         """Which outputs are to move at all (p,)."""
-        return self.deviation.size(1) * (self.deviation.manoeuvre[1] - self.deviation.manoeuvre[0]) > 1e-6 * self.output_scale
+        return (
+            self.planning.deviation.size(1) * (self.planning.manoeuvre[1] - self.planning.manoeuvre[0]) > 1e-6 * self.output_scale
+        )
 
     def solve(self, dynamics: Sequence[ModifiedDynamics], L: Sequence[Array]) -> BoundedSolution:
         """The bounded solution for one choice of F and L in each interval."""
         built = [d.with_feedforward(entry) for d, entry in zip(dynamics, L, strict=True)]
-        return bounded_solution(self.plant, [b[0] for b in built], self.deviation, [b[1] for b in built])
+        return bounded_solution(self.planning, [b[0] for b in built], [b[1] for b in built])
 
     def is_accurate(self, solution: BoundedSolution) -> bool:
         """Whether a solution keeps the plant's equations over the manoeuvre, so that it may be handed out."""
-        certificate = certify(self.plant, solution.trajectory, self.deviation, solution.manoeuvre)
-        return max(certificate.dynamics_residual, certificate.continuity) <= ACCURACY
+        planning = self.planning
+        certificate = certify(planning.plant, solution.trajectory, planning.deviation, planning.manoeuvre)
+        return certificate.worst(exact=False) <= ACCURACY
 
     def errors(self, solution: BoundedSolution) -> Array:
         """Weighted error samples (m p,); their sum of squares is the integral of the squared error."""
-        return self.samples.errors(solution.trajectory, self.deviation, self.output_scale).ravel()
+        return self.samples.errors(solution.trajectory, self.planning.deviation, self.output_scale).ravel()
 
     def no_feedforward(self) -> list[Array]:
         """L = 0 in each interval."""

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
-import scipy.signal
+import scipy  # loads scipy.optimize and scipy.signal, which cost a second, at their first use
 from numpy.typing import NDArray
 
 from invtrack.inversion.modified.design_problem import TIME_CONSTANTS, best_weights

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.inversion.bounded_solution.pieces import Correction
+from invtrack.inversion.exact import Correction
 from invtrack.inversion.modified.placement import MovablePart, integrator_chains
 from invtrack.linear.internal_dynamics import AXIS_TOLERANCE, InternalDynamics, SplitDynamics, internal_dynamics, split_by
 from invtrack.linear.normal_form import NormalForm
@@ -70,10 +70,9 @@ def has_equilibrium(internal: InternalDynamics) -> bool:
     return not len(internal.A_eta) or float(np.linalg.svd(internal.A_eta, compute_uv=False)[-1]) > internal.uncertainty
 
 
-def undivided_dynamics(plant: SwitchedSystem) -> list[SplitDynamics]:
+def undivided_dynamics(plant: SwitchedSystem) -> tuple[SplitDynamics, ...]:
     """Internal dynamics of each interval, all of them in the part that runs forward, whatever their zeros."""
-    known = {id(system): split_by(internal_dynamics(system), lambda zero: True) for system in plant.systems}
-    return [known[id(system)] for system in plant.systems]
+    return plant.map(lambda system: split_by(internal_dynamics(system), lambda zero: True))
 
 
 def derivative_columns(form: NormalForm) -> list[tuple[int, int, int]]:

@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.errors import InversionError
-from invtrack.inversion.bounded_solution.refusals import require_accurate, require_smooth
-from invtrack.inversion.bounded_solution.solution import asks_for_motion, require_options
+from invtrack.inversion.exact import require_smooth
 from invtrack.inversion.modified.design import least_error_design, robust_design
-from invtrack.inversion.modified.design_problem import DesignProblem, Solved
+from invtrack.inversion.modified.design_problem import DesignProblem
 from invtrack.inversion.modified.modified_dynamics import equilibrium, has_equilibrium, undivided_dynamics
 from invtrack.inversion.modified.modified_plan import Modification, ModifiedTrajectory
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named, require_movable
 from invtrack.inversion.modified.placement import MovablePart, movable_part
 from invtrack.linear.internal_dynamics import InternalDynamics
-from invtrack.linear.switched import SwitchedSystem, as_switched
-from invtrack.plans.certificate import certify
-from invtrack.plans.ends import actuation_times
-from invtrack.plans.problem import deviation_reference, require_reference
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.problem import PlanningProblem
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -66,12 +62,10 @@ def modified_inversion(
     the axis not moved), TrajectoryError, RelativeDegreeError, BoundednessError. Source: Devasia 1996 (non-hyperbolic internal
     dynamics), eqs. 12-18.
     """
-    require_options(tolerance, max_preactuation)
+    planning = PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation)
     if design not in get_args(Design):
         raise InversionError(f"design must be one of {list(get_args(Design))}, got {design!r}")
-    plant = as_switched(model)
-    require_reference(plant, reference)
-    deviation = deviation_reference(plant, reference)
+    plant, deviation = planning.plant, planning.deviation
     wish = Wish(move, axis_distance, real_part)
     splits = undivided_dynamics(plant)
     require_smooth(plant, splits, deviation)
@@ -79,57 +73,34 @@ def modified_inversion(
     choices = _choices(plant, internals, wish, intervals_named(interval, len(plant)), error_poles)
     _require_equilibrium(plant, internals, deviation)
     scale = _output_scale(output_scale, deviation)
-    problem = DesignProblem(plant, internals, [c[0] for c in choices], [c[2] for c in choices], deviation, scale)
+    problem = DesignProblem(planning, internals, [c[0] for c in choices], [c[2] for c in choices], scale)
     solved = least_error_design(problem) if design == "least error" else robust_design(problem)
+    remarks = solved.solution.remarks + solved.remarks
     if axis_distance is not None and not any(len(part.targets) for part in problem.parts):
-        remark = (
+        remarks += (
             f"no zeros were moved: within {axis_distance:g} rad/s of the imaginary axis there are none that are not at "
-            f"{real_part:g} already"
+            f"{real_part:g} already",
         )
-        solved = replace(solved, remarks=(*solved.remarks, remark))
-    return _plan(problem, solved, reference, [c[1] for c in choices], tolerance, max_preactuation)
-
-
-def _plan(
-    problem: DesignProblem,
-    solved: Solved,
-    reference: PiecewiseSignal,
-    zeros_after: list[ComplexArray],
-    tolerance: float,
-    max_preactuation: float | None,
-) -> ModifiedTrajectory:
-    solution, deviation = solved.solution, problem.deviation
-    manoeuvre = solution.manoeuvre
-    preactuation, postactuation, remarks = actuation_times(solution.trajectory, solution.departures, tolerance, max_preactuation)
-    span = (manoeuvre[0] - preactuation, manoeuvre[1] + postactuation)
-    certificate = certify(problem.plant, solution.trajectory, deviation, span)
-    if asks_for_motion(deviation, reference):
-        require_accurate(certificate, solution.boundary, exact=False)
-    return ModifiedTrajectory(
-        method="modified inversion",
-        model=problem.plant,
-        reference=reference,
-        trajectory=solution.trajectory,
-        manoeuvre=manoeuvre,
-        preactuation=preactuation,
-        postactuation=postactuation,
-        tolerance=tolerance,
-        certificate=certificate,
-        remarks=remarks + solution.remarks + solved.remarks,
+    return planning.plan(
+        "modified inversion",
+        solved.solution.trajectory,
+        exact=False,
+        remarks=remarks,
+        kind=ModifiedTrajectory,
         modification=tuple(
             Modification(k, dynamics.F, L + dynamics.feedthrough, internal.zeros, after, part.error_poles)
-            for k, (dynamics, L, internal, after, part) in enumerate(
-                zip(solved.dynamics, solved.L, problem.internals, zeros_after, problem.parts, strict=True)
+            for k, (dynamics, L, internal, (part, after, _)) in enumerate(
+                zip(solved.dynamics, solved.L, internals, choices, strict=True)
             )
         ),
         design=solved.name,
         candidates=solved.candidates,
-        output_scale=problem.output_scale,
+        output_scale=scale,
     )
 
 
 def _choices(
-    plant: SwitchedSystem, internals: list[InternalDynamics], wish: Wish, named: list[int], error_poles: Sequence[complex]
+    plant: SwitchedSystem, internals: Sequence[InternalDynamics], wish: Wish, named: list[int], error_poles: Sequence[complex]
 ) -> list[tuple[MovablePart, ComplexArray, ComplexArray]]:
     """Per interval: the part to place, all zeros where they go, and those that stay."""
     wish.require_known(np.concatenate([internals[k].zeros for k in named]))
@@ -143,7 +114,7 @@ def _choices(
     return choices
 
 
-def _require_equilibrium(plant: SwitchedSystem, internals: list[InternalDynamics], deviation: PiecewiseSignal) -> None:
+def _require_equilibrium(plant: SwitchedSystem, internals: Sequence[InternalDynamics], deviation: PiecewiseSignal) -> None:
     """With a zero at the origin not every value of the output can be held: those held at the ends have to be among them."""
     for internal, t in ((internals[0], deviation.breakpoints[0] - 1.0), (internals[-1], deviation.breakpoints[-1] + 1.0)):
         if has_equilibrium(internal):
@@ -154,7 +125,7 @@ def _require_equilibrium(plant: SwitchedSystem, internals: list[InternalDynamics
         if np.linalg.norm(left) > HELD_TOLERANCE * terms:
             raise InversionError(
                 f"a zero at the origin: the internal dynamics have no equilibrium in which the outputs "
-                f"{list(plant.output_names)} hold {held.tolist()} (deviations from the operating point), so the inverse "
+                f"{list(plant.outputs.names)} hold {held.tolist()} (deviations from the operating point), so the inverse "
                 "cannot come to rest; let the reference start and end at the operating point, or track another output"
             )
 

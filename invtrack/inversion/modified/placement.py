@@ -7,9 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # loads scipy.optimize and scipy.signal, which cost a second, at their first use
 import scipy.linalg
-import scipy.optimize
-import scipy.signal
 from numpy.typing import NDArray
 
 from invtrack.errors import InversionError

@@ -14,8 +14,9 @@ from invtrack.errors import InversionError
 from invtrack.inversion.modified.modified_inversion import modified_inversion
 from invtrack.inversion.modified.modified_plan import ModifiedTrajectory
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named
-from invtrack.linear.internal_dynamics import format_zeros, zeros
+from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.linear.switched import as_switched
+from invtrack.linear.zeros import zeros
 from invtrack.plans.preactuation import plan_preactuation_time
 from invtrack.references.signal import PiecewiseSignal
 

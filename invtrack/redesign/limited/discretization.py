@@ -1,4 +1,4 @@
-"""Steps over which the input is linear in time: exact transitions and exact costs, no quadrature."""
+"""A limited plan in finitely many numbers: exact steps with an input linear in time, and a tail in closed form at each end."""
 
 from __future__ import annotations
 
@@ -8,10 +8,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from invtrack.linear.scaling import balancing_scale
+from invtrack.linear.propagation import transition_and_gramian
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.redesign.weights import Weights
+from invtrack.plans.tail import Tail
+from invtrack.redesign.cost import Weights
 from invtrack.references.signal import JUMP_TOLERANCE, Generator, PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -20,16 +21,20 @@ Indices = NDArray[np.intp]
 SAME_LENGTH_DIGITS = 10
 """Steps whose lengths agree to this many digits share their matrices."""
 
-VAN_LOAN_NORM = 0.5
-"""Norm up to which a Gramian is read off one exponential; beyond, that of a shorter step is doubled, which cancels nothing."""
-
 
 @dataclass(frozen=True, eq=False)
 class Step:
     """A step of a plant and of the reference behind it, as a map of its own ends.
 
-    x at its end is transition [x; u_s; u_e] (n, n + 2 p), u_s and u_e the input at its start and end; its cost is
-    z'cost z + 2 z'drive w + constant for z = [x; u_s; u_e] and the reference's state w at its start.
+    With z = [x; u_s; u_e] (n + 2 p,), the state and input at its start and the input at its end, x at its end is transition z, and
+    the step costs z'cost z + 2 z'drive w + constant for the reference's state w (q,) at its start.
+
+    Args:
+        system: the plant over the step.
+        length: duration of the step [s].
+        transition: (n, n + 2 p).
+        cost: (n + 2 p, n + 2 p).
+        drive: (n + 2 p, q).
     """
 
     system: StateSpace
@@ -43,20 +48,30 @@ class Step:
         n, p = self.system.n_states, self.system.n_channels
         c_x = row[:n] + row[n + p :] @ self.system.C
         c_u = row[n : n + p] + row[n + p :] @ self.system.D
-        flow = scipy.linalg.expm(_ramp(self.system, self.length) * share)
+        flow = scipy.linalg.expm(ramp(self.system, self.length) * share)
         at = flow[: n + p] @ _from_ends(n, p)
         return np.asarray(c_x @ at[:n] + c_u @ at[n:])
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Steps between times (N + 1,): kind (N,) of each among steps, reference anchors (N, q) at their starts.
+    """Steps between times. Neighbours share the input's node between them, except where the best input jumps.
 
-    first, last (N,): which of the input's nodes stand at a step's start and end. Neighbours share theirs, except where the best
-    input jumps: at `jumps`, indices of the steps that start there.
+    Args:
+        times: the steps' ends (N + 1,) [s].
+        systems: the distinct models of the plant.
+        owner: which of these each step has (N,).
+        steps: the distinct steps.
+        kind: which of these each step is (N,).
+        anchors: the reference's state at the start of each step (N, q).
+        first: number of the input's node at each step's start (N,).
+        last: number of the input's node at each step's end (N,).
+        jumps: numbers of the steps at whose start the best input jumps.
     """
 
     times: Array
+    systems: tuple[StateSpace, ...]
+    owner: Indices
     steps: tuple[Step, ...]
     kind: Indices
     anchors: Array
@@ -68,6 +83,13 @@ class Grid:
     def nodes(self) -> int:
         """Number of the input's nodes."""
         return int(self.last[-1]) + 1
+
+
+def tail_cost(tail: Tail, weights: Weights) -> Array:
+    """V (n, n): all of an optimal tail costs v'V v, of M'V + V M + X'W X = 0; where it holds still it costs nothing."""
+    weight = scipy.linalg.block_diag(weights.Q_x, weights.R, weights.Q_y)
+    V = scipy.linalg.solve_continuous_lyapunov(tail.M.T, -tail.X.T @ weight @ tail.X)
+    return np.asarray((V + V.T) / 2)
 
 
 def grid_times(edges: Array, step: float | Array) -> tuple[Array, Array]:
@@ -86,47 +108,63 @@ def step_counts(edges: Array, step: float | Array) -> Indices:
 
 
 def make_grid(plant: SwitchedSystem, reference: PiecewiseSignal, weights: Weights, edges: Array, step: float | Array) -> Grid:
-    """Steps of at most `step` [s] between edges, among which are all breakpoints of the reference and all switch times."""
+    """Steps of the plant and the reference, with the costs of each.
+
+    Args:
+        plant: with any number of switch times.
+        reference: wanted outputs, as deviations from the operating point.
+        weights: of the cost.
+        edges: times (k,) [s] at which steps must end, among them all breakpoints of the reference and all switch times.
+        step: longest step [s], one for all or one for each gap between edges (k - 1,).
+    """
     times, lengths = grid_times(edges, step)
     fine = reference.refined(times)
-    middle = (times[:-1] + times[1:]) / 2
-    numbers = {id(system): k for k, system in enumerate(plant.systems)}  # the last of equal ones stands for all
-    owner = np.array([numbers[id(system)] for system in plant.systems])[plant.interval(middle)]
+    owner = plant.numbers[plant.interval((times[:-1] + times[1:]) / 2)]
     rounded = np.round(lengths / lengths.max(), SAME_LENGTH_DIGITS)
     keys, chosen, kind = np.unique(
         np.column_stack([owner, fine.kind[1:-1], rounded]), axis=0, return_index=True, return_inverse=True
     )
     steps = tuple(
-        make_step(plant.systems[int(k)], reference.generators[int(g)], weights, float(lengths[j]))
-        for (k, g, _), j in zip(keys, chosen, strict=True)
+        make_step(plant.distinct[int(number)], reference.generators[int(generator)], weights, float(lengths[j]))
+        for (number, generator, _), j in zip(keys, chosen, strict=True)
     )
     jumps = np.flatnonzero(np.isin(times[1:-1], _jump_times(plant, reference))) + 1
     shift = np.zeros(len(lengths), dtype=np.intp)
     shift[jumps] = 1
     first = np.arange(len(lengths)) + np.cumsum(shift)
-    return Grid(times, steps, kind.ravel(), fine.anchors[1:-1], first, first + 1, jumps)
+    return Grid(
+        times=times,
+        systems=plant.distinct,
+        owner=owner,
+        steps=steps,
+        kind=kind.ravel(),
+        anchors=fine.anchors[1:-1],
+        first=first,
+        last=first + 1,
+        jumps=jumps,
+    )
 
 
 def make_step(system: StateSpace, generator: Generator, weights: Weights, length: float) -> Step:
     """The step of one plant, driven by one generator of the reference, over `length` [s]."""
     n, p, q = system.n_states, system.n_channels, len(generator.S)
-    M = scipy.linalg.block_diag(_ramp(system, length), generator.S * length)
+    M = scipy.linalg.block_diag(ramp(system, length), generator.S * length)
     seen = np.zeros((n + 2 * p, n + 2 * p + q))
     seen[:n, :n], seen[n : n + p, n : n + p] = np.eye(n), np.eye(p)
     seen[n + p :, :n], seen[n + p :, n : n + p], seen[n + p :, n + 2 * p :] = system.C, system.D, -generator.R
     weight = scipy.linalg.block_diag(weights.Q_x, weights.R, weights.Q_y)
-    flow, gramian = _flow_and_gramian(M, seen.T @ weight @ seen)
+    flow, gramian = transition_and_gramian(M, seen.T @ weight @ seen, 1.0)
     ends = scipy.linalg.block_diag(_from_ends(n, p), np.eye(q))
     cost = length * ends.T @ gramian @ ends
     m = n + 2 * p
     return Step(system, length, flow[:n, :m] @ ends[:m, :m], cost[:m, :m], cost[:m, m:])
 
 
-def _ramp(system: StateSpace, length: float) -> Array:
-    """Generator of [x; u; change of u over the step], with time in units of the step."""
+def ramp(system: StateSpace, unit: float) -> Array:
+    """Generator of [x; u; change of u per unit of time] (n + 2 p, n + 2 p) where u changes evenly; `unit`: the unit of time [s]."""
     n, p = system.n_states, system.n_channels
     M = np.zeros((n + 2 * p, n + 2 * p))
-    M[:n, :n], M[:n, n : n + p], M[n : n + p, n + p :] = length * system.A, length * system.B, np.eye(p)
+    M[:n, :n], M[:n, n : n + p], M[n : n + p, n + p :] = unit * system.A, unit * system.B, np.eye(p)
     return M
 
 
@@ -137,29 +175,12 @@ def _from_ends(n: int, p: int) -> Array:
     return result
 
 
-def _flow_and_gramian(M: Array, Q: Array) -> tuple[Array, Array]:
-    """exp(M) and the integral of exp(M's) Q exp(M s) over 0 < s < 1 (Van Loan 1978, and doubling)."""
-    scale = balancing_scale(M, within_parts=True)
-    M, Q = M * scale / scale[:, None], scale[:, None] * Q * scale
-    q, norm = len(M), float(np.linalg.norm(M, 1))
-    halvings = max(0, int(np.ceil(np.log2(norm / VAN_LOAN_NORM)))) if norm > 0 else 0
-    block = np.block([[-M.T, Q], [np.zeros_like(M), M]]) / 2**halvings
-    both = scipy.linalg.expm(block)
-    flow = both[q:, q:]
-    gramian = flow.T @ both[:q, q:]
-    for _ in range(halvings):
-        gramian = gramian + flow.T @ gramian @ flow
-        flow = flow @ flow
-    gramian = gramian / scale[:, None] / scale
-    return scale[:, None] * flow / scale, (gramian + gramian.T) / 2
-
-
 def _jump_times(plant: SwitchedSystem, reference: PiecewiseSignal) -> Array:
     """Where the best input jumps: B or D does, or a wanted output with direct feedthrough does."""
     pairs = zip(plant.systems[:-1], plant.systems[1:], strict=True)
     differ = np.array([not (np.array_equal(a.B, b.B) and np.array_equal(a.D, b.D)) for a, b in pairs], dtype=bool)
     switches = plant.switch_times[differ]
-    if not any(np.any(system.D) for system in plant.systems):
+    if not any(np.any(system.D) for system in plant.distinct):
         return np.asarray(switches)
     steps = reference.breakpoints[np.any(reference.jumps(0) > JUMP_TOLERANCE, axis=1)]
     return np.union1d(switches, np.union1d(steps, plant.switch_times))

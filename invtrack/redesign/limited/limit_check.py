@@ -1,17 +1,16 @@
-"""Instants at which limits on states and outputs are imposed."""
+"""Limits against a trajectory: where they are imposed, by how much they are exceeded, and where the plan touches them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.linear.propagation import flow
-from invtrack.plans.plan import TwoSidedTrajectory
+from invtrack.plans.tail import Tail
+from invtrack.plans.trajectory import Trajectory
 from invtrack.redesign.limited.discretization import Grid
-from invtrack.redesign.limited.tails import Tail
 from invtrack.redesign.limits import Bound
 
 Array = NDArray[np.float64]
@@ -51,7 +50,7 @@ class PathPoints:
 def grid_points(grid: Grid, bounds: Sequence[Bound]) -> PathPoints:
     """Every limit on states and outputs at the start of every step, and at the end of those where the next one differs."""
     steps = len(grid.kind)
-    switches = np.flatnonzero(np.diff([id(grid.steps[k].system) for k in grid.kind]))
+    switches = np.flatnonzero(np.diff(grid.owner))
     ends = np.unique(np.concatenate([grid.jumps - 1, switches, [steps - 1]]))
     step = np.concatenate([np.arange(steps), ends])
     share = np.concatenate([np.zeros(steps), np.ones(len(ends))])
@@ -75,24 +74,18 @@ class ActiveLimit:
         return f"{self.name} is at its {self.side} limit {self.limit:.6g} for {total:.4g} s ({spans}{more})"
 
 
-def differentiated(trajectory: TwoSidedTrajectory) -> TwoSidedTrajectory:
-    """The derivative of a trajectory, piece by piece."""
-    generators = tuple(replace(g, X_f=g.X_f @ g.M_f, X_b=g.X_b @ g.M_b) for g in trajectory.generators)
-    return replace(trajectory, generators=generators)
-
-
-def values_between(trajectory: TwoSidedTrajectory, bounds: Sequence[Bound], shares: Array) -> Array:
+def values_between(trajectory: Trajectory, bounds: Sequence[Bound], shares: Array) -> Array:
     """What is limited, at these shares (s,) of each piece between breakpoints: (bounds, pieces, s)."""
     edges = trajectory.breakpoints
     times = (edges[:-1, None] + np.diff(edges)[:, None] * shares).ravel()
     piece = np.repeat(np.arange(1, len(edges)), len(shares))
     plain = trajectory(times, piece)
-    rate = differentiated(trajectory)(times, piece) if any(b.kind == "input rate" for b in bounds) else plain
+    rate = trajectory.derivative()(times, piece) if any(b.kind == "input rate" for b in bounds) else plain
     values = [(rate if bound.kind == "input rate" else plain) @ bound.row for bound in bounds]
     return np.array(values).reshape(len(bounds), len(edges) - 1, len(shares))
 
 
-def worst_within_steps(trajectory: TwoSidedTrajectory, bounds: Sequence[Bound]) -> tuple[Array, Array]:
+def worst_within_steps(trajectory: Trajectory, bounds: Sequence[Bound]) -> tuple[Array, Array]:
     """Largest excess of each limit within each step, as a share of its size, and the share of the step: (bounds, steps) both."""
     values = values_between(trajectory, bounds, STEP_SHARES)
     excess = np.array([bound.excess(value) for bound, value in zip(bounds, values, strict=True)])
@@ -107,25 +100,20 @@ def worst_within_steps(trajectory: TwoSidedTrajectory, bounds: Sequence[Bound]) 
     return top, (middle + offset) / (len(STEP_SHARES) - 1)
 
 
-def tail_excess(tail: Tail, v: Array, bounds: Sequence[Bound]) -> Array:
+def tail_excess(tail: Tail, bounds: Sequence[Bound]) -> Array:
     """How far each limit is exceeded within a tail, as a share of its size: (bounds,)."""
-    if not len(v):  # nothing dies out: the plan rests
-        return np.array(
-            [float(bound.excess(np.array(0.0 if bound.kind == "input rate" else bound.row @ tail.held))) for bound in bounds]
-        )
-    modes = np.linalg.eigvals(tail.M)
-    horizon = TAIL_DECAY / -np.max(modes.real)
-    nearest = 1e-3 / np.max(np.abs(modes))
-    half = TAIL_SAMPLES // 2
-    sigma = np.union1d(np.linspace(0.0, horizon, half), np.geomspace(min(nearest, horizon / 2), horizon, half))
-    parts = flow(tail.M, np.broadcast_to(v, (len(sigma), len(v))), sigma)
-    plain, rate = tail.held + parts @ tail.X.T, parts @ (tail.X @ tail.M).T
-    # Backward in time the rate has the other sign.
-    signed = rate if tail.direction > 0 else -rate
-    return np.array([np.max(bound.excess((signed if bound.kind == "input rate" else plain) @ bound.row)) for bound in bounds])
+    sigma = np.zeros(1)
+    if tail.departs:
+        modes = np.linalg.eigvals(tail.M)
+        horizon = TAIL_DECAY / -np.max(modes.real)
+        nearest = 1e-3 / np.max(np.abs(modes))
+        half = TAIL_SAMPLES // 2
+        sigma = np.union1d(np.linspace(0.0, horizon, half), np.geomspace(min(nearest, horizon / 2), horizon, half))
+    plain, rate = (each.values(sigma, slice(None), 0.0) for each in (tail, tail.derivative()))
+    return np.array([np.max(bound.excess((rate if bound.kind == "input rate" else plain) @ bound.row)) for bound in bounds])
 
 
-def active_limits(trajectory: TwoSidedTrajectory, bounds: Sequence[Bound]) -> tuple[ActiveLimit, ...]:
+def active_limits(trajectory: Trajectory, bounds: Sequence[Bound]) -> tuple[ActiveLimit, ...]:
     """Where the plan touches its limits between its breakpoints, by limit and side."""
     shares = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
     values = values_between(trajectory, bounds, shares)

@@ -43,9 +43,15 @@ class SolverGaveUpError(RedesignError):
 
 @dataclass(frozen=True, eq=False)
 class QuadraticProgram:
-    """Minimise z'P z / 2 + q'z subject to E z = e and G z <= h.
+    """Minimise z'P z / 2 + q'z subject to E z = e and G z <= h, in units in which z (m,) and h are about one.
 
-    P (m, m) positive semidefinite; units in which z and h are about one.
+    Args:
+        P: (m, m), positive semidefinite.
+        q: (m,).
+        E: (equations, m).
+        e: (equations,).
+        G: (limits, m).
+        h: (limits,).
     """
 
     P: csr_array

@@ -1,9 +1,9 @@
-"""Sparse matrices as sums of small blocks that repeat."""
+"""Discretized plan and limits as a quadratic programme, and its answer as a trajectory."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse
@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from invtrack.linear.state_space import StateSpace
-from invtrack.plans.plan import TwoSidedGenerator, TwoSidedTrajectory
-from invtrack.redesign.limited.discretization import Grid
+from invtrack.plans.tail import Tail
+from invtrack.plans.trajectory import Trajectory, TwoSidedSegments, grouped
+from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
+from invtrack.redesign.cost import Weights
+from invtrack.redesign.limited.discretization import Grid, ramp, tail_cost
 from invtrack.redesign.limited.limit_check import PathPoints
 from invtrack.redesign.limited.quadratic_program import QuadraticProgram
-from invtrack.redesign.limited.tails import Tail
 from invtrack.redesign.limits import Bound
 
 Array = NDArray[np.float64]
@@ -44,11 +46,18 @@ def sparse_sum(entries: Sequence[Entries], shape: tuple[int, int]) -> csr_array:
 class Transcription:
     """The unknowns z = [v before; v after; x at the grid's times; u at its nodes], in units in which they are about one.
 
-    state_unit (n,), input_unit (p,): those of x and u; each v has the unit in which it moves x and u by about one.
+    Args:
+        grid: steps within the window.
+        tails: what lies before and after it; each v has the unit in which it moves x and u by about one.
+        weights: of the cost.
+        bounds: the limits.
+        state_unit: units of the states (n,).
+        input_unit: units of the inputs (p,).
     """
 
     grid: Grid
     tails: tuple[Tail, Tail]
+    weights: Weights
     bounds: tuple[Bound, ...]
     state_unit: Array
     input_unit: Array
@@ -131,31 +140,29 @@ class Transcription:
         size, low, high = (np.array([getattr(b, name) for b in self.bounds])[number_of] for name in ("size", "low", "high"))
         return rows, low / size, high / size, number_of
 
-    def trajectory(self, z: Array) -> tuple[TwoSidedTrajectory, tuple[Array, Array]]:
-        """The plan on all of time, and the v of its two tails."""
+    def trajectory(self, z: Array) -> Trajectory:
+        """The plan on all of time."""
         n, p, grid = self.n, self.p, self.grid
         z = z * self.unit
-        before, after = z[:n], z[n : 2 * n]
         x = z[self.x_columns(np.arange(len(grid.times)))]
         u = z[2 * n + x.size :].reshape(-1, p)
-        systems = {id(step.system): step.system for step in grid.steps}
-        generators = [_ramp_generator(system) for system in systems.values()]
-        generators += [tail.generator() for tail in self.tails]
-        numbers = {key: k for k, key in enumerate(systems)}
-        kind = np.concatenate(
-            [[len(systems)], np.array([numbers[id(step.system)] for step in grid.steps])[grid.kind], [len(systems) + 1]]
-        )
-        v_f, v_b = np.zeros((len(kind), n + 2 * p)), np.zeros((len(kind), n + 2 * p))
         first, last = u[grid.first], u[grid.last]
-        v_f[1:-1] = np.hstack([x[:-1], first, (last - first) / np.diff(grid.times)[:, None]])
-        v_b[0, : n + 1], v_f[-1, : n + 1] = np.append(before, 1.0), np.append(after, 1.0)
-        return TwoSidedTrajectory(grid.times, tuple(generators), kind, v_f, v_b), (before, after)
+        states = np.hstack([x[:-1], first, (last - first) / np.diff(grid.times)[:, None]])
+
+        def segments(number: int, chosen: Indices) -> TwoSidedSegments:
+            nothing = np.zeros((len(chosen), 0))
+            return TwoSidedSegments(_ramp(grid.systems[number]), states[chosen], nothing, nothing, nothing)
+
+        before, after = (replace(tail, v=v) for tail, v in zip(self.tails, (z[:n], z[n : 2 * n]), strict=True))
+        return grouped(grid.times, grid.owner, segments, before, after)
 
     def _cost(self) -> tuple[csr_array, Array]:
         """P and q of z'P z / 2 + q'z, in plain units."""
         m, n = len(self.unit), self.n
         own = [np.arange(n)[None] + k * n for k in range(2)]
-        entries = [entries_of(2 * tail.cost, columns, columns) for tail, columns in zip(self.tails, own, strict=True)]
+        entries = [
+            entries_of(2 * tail_cost(tail, self.weights), columns, columns) for tail, columns in zip(self.tails, own, strict=True)
+        ]
         q = np.zeros(m)
         for number, step in enumerate(self.grid.steps):
             chosen = np.flatnonzero(self.grid.kind == number)
@@ -203,11 +210,12 @@ class Transcription:
         return np.array(known).reshape(-1, self.n + 2 * self.p)[inverse.ravel()]
 
 
-def _ramp_generator(system: StateSpace) -> TwoSidedGenerator:
-    """[x; u; y] of a plant whose input changes at a constant rate: states [x; u; u']."""
+def _ramp(system: StateSpace) -> DrivenSystem:
+    """[x; u; y] of a plant whose input changes at a constant rate: states [x; u; u'], no reference."""
     n, p = system.n_states, system.n_channels
-    M = np.zeros((n + 2 * p, n + 2 * p))
-    M[:n, :n], M[:n, n : n + p], M[n : n + p, n + p :] = system.A, system.B, np.eye(p)
     X = np.eye(n + 2 * p)
     X[n + p :] = np.hstack([system.C, system.D, np.zeros((p, p))])
-    return TwoSidedGenerator(M, X, np.zeros((0, 0)), np.zeros((n + 2 * p, 0)))
+    rows, none = n + 2 * p, np.zeros((0, 0))
+    forward = Part(ramp(system, 1.0), X, np.zeros((0, rows)))
+    two_sided = TwoSidedSystem(forward, Part.empty(rows, 0), np.zeros((rows, 0)))
+    return DrivenSystem(two_sided, S=none, D_f=np.zeros((rows, 0)), D_b=none, X_w=np.zeros((rows, 0)), J_w=none)

@@ -1,4 +1,4 @@
-"""The window within which a plan is limited: as wide as it must be, with limits imposed at as many instants as it takes."""
+"""The best plan within limits: a window as wide as it must be, with limits imposed at as many instants as it takes."""
 
 from __future__ import annotations
 
@@ -8,15 +8,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.errors import RedesignError
-from invtrack.plans.plan import TwoSidedTrajectory
-from invtrack.redesign.limited.discretization import make_grid
-from invtrack.redesign.limited.first_window import SAMPLES, LimitedProblem, first_window, require_steps, window_edges
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.tail import Tail
+from invtrack.plans.trajectory import Trajectory
+from invtrack.redesign.limited.discretization import make_grid, step_counts
 from invtrack.redesign.limited.limit_check import PathPoints, grid_points, tail_excess, values_between, worst_within_steps
 from invtrack.redesign.limited.quadratic_program import QuadraticProgram, SolverGaveUpError, explain
 from invtrack.redesign.limited.transcription import Transcription
 from invtrack.redesign.limits import Bound
+from invtrack.redesign.quadratic import FreeOptimum
+from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
+
+TAIL_SHARE = 1e-2
+"""Share of the peak to which the optimum without limits has decayed where the first window ends."""
+
+INTERPOLATION_ERROR = 1e-5
+"""What linear interpolation of the input without limits may miss, as a share of its peak, if no step is stated."""
+
+FEWEST_STEPS, USUAL_MOST_STEPS, MOST_STEPS = 200, 4000, 40_000
+"""Steps of the first window if no step is stated; and of any window."""
+
+COARSER = 10.0
+"""By how much a step may be longer than the interpolation error asks for where the first window would have too many."""
+
+SAMPLES = 4000
+"""Instants, about, at which the optimum without limits is looked at."""
 
 KEPT = 1e-9
 """A limit counts as kept where it is exceeded by no more than this share of its size."""
@@ -41,21 +59,43 @@ MOST_ROUNDS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class LimitedSolution:
-    """The trajectory, the v of its tails, the largest excess of a limit as a share of its size, the longest step [s]."""
+class LimitedProblem:
+    """What is to be planned: the optimum without limits, with the problem that it solves, and the limits."""
 
-    trajectory: TwoSidedTrajectory
-    v: tuple[Array, Array]
+    free: FreeOptimum
+    bounds: tuple[Bound, ...]
+
+    @property
+    def plant(self) -> SwitchedSystem:
+        """The plant."""
+        return self.free.problem.plant
+
+    @property
+    def reference(self) -> PiecewiseSignal:
+        """Wanted outputs, as deviations from the operating point, with breakpoints at all jumps of the plant."""
+        return self.free.problem.deviation
+
+    @property
+    def tails(self) -> tuple[Tail, Tail]:
+        """What lies before and after the manoeuvre without limits; with other v also what lies before and after the window."""
+        return self.free.trajectory.before, self.free.trajectory.after
+
+
+@dataclass(frozen=True, eq=False)
+class LimitedSolution:
+    """The trajectory, the largest excess of a limit as a share of its size, the longest step [s]."""
+
+    trajectory: Trajectory
     overshoot: float
     step: float
 
 
 def free_excess(problem: LimitedProblem) -> float:
     """Largest excess of a limit by the optimum without limits, as a share of the limit's size."""
-    per_piece = max(65, SAMPLES // (len(problem.free.breakpoints)) + 1)
+    per_piece = max(65, SAMPLES // (len(problem.free.trajectory.breakpoints)) + 1)
     nodes = (1 - np.cos(np.linspace(0.0, np.pi, per_piece))) / 2  # both sides of a jump included
-    tails = [tail_excess(tail, v, problem.bounds) for tail, v in zip(problem.tails, problem.v, strict=True)]
-    values = values_between(problem.free, problem.bounds, nodes)
+    tails = [tail_excess(tail, problem.bounds) for tail in problem.tails]
+    values = values_between(problem.free.trajectory, problem.bounds, nodes)
     inner = [float(np.max(bound.excess(value))) for bound, value in zip(problem.bounds, values, strict=True)]
     return max(*inner, *(float(np.max(excess)) for excess in tails))
 
@@ -69,7 +109,7 @@ def solve_limited(problem: LimitedProblem, step: float | None) -> LimitedSolutio
     """
     if step is not None:
         return _solve_with(problem, step)
-    length = first_window(problem, None)[2]
+    length = _first_window(problem, None)[2]
     for _ in range(MOST_COARSENINGS):
         try:
             return _solve_with(problem, length)
@@ -80,7 +120,7 @@ def solve_limited(problem: LimitedProblem, step: float | None) -> LimitedSolutio
 
 def _solve_with(problem: LimitedProblem, step: float) -> LimitedSolution:
     """Window, programme, and instants at which states are limited, until all limits are kept."""
-    units, margins, length = first_window(problem, step)
+    units, margins, length = _first_window(problem, step)
     task = _transcribe(problem, units, margins, length)
     points = grid_points(task.grid, problem.bounds)
     for _ in range(MOST_ROUNDS):
@@ -89,8 +129,8 @@ def _solve_with(problem: LimitedProblem, step: float) -> LimitedSolution:
         if z is None:
             wider = _feasible_margins(problem, units, margins, length)
         else:
-            trajectory, v = task.trajectory(_exact(program, owner, problem.bounds, z))
-            wider = _widened(problem, margins, length, trajectory, v)
+            trajectory = task.trajectory(_exact(program, owner, problem.bounds, z))
+            wider = _widened(problem, margins, length, trajectory)
         if wider != margins:
             margins = wider
             task = _transcribe(problem, units, margins, length)
@@ -99,7 +139,7 @@ def _solve_with(problem: LimitedProblem, step: float) -> LimitedSolution:
         excess, share = worst_within_steps(trajectory, problem.bounds)
         further = _exceeding(excess, share, problem.bounds)
         if len(further.bound) == 0:
-            return LimitedSolution(trajectory, v, max(0.0, float(np.max(excess))), length)
+            return LimitedSolution(trajectory, max(0.0, float(np.max(excess))), length)
         points = points.joined(further)
     raise RedesignError(
         f"the limited redesign did not settle in {MOST_ROUNDS} rounds of widening its window and imposing its limits at further "
@@ -107,11 +147,60 @@ def _solve_with(problem: LimitedProblem, step: float) -> LimitedSolution:
     )
 
 
+def _first_window(problem: LimitedProblem, step: float | None) -> tuple[tuple[Array, Array], tuple[float, float], float]:
+    """Units of states and inputs, time [s] before and after the manoeuvre, and the longest step [s]."""
+    n, p = problem.plant.n_states, problem.plant.n_channels
+    start, end = problem.reference.manoeuvre
+    free = problem.free.trajectory
+    edges = free.breakpoints
+    per_piece = max(33, SAMPLES // len(edges))
+    inner = np.append(np.linspace(edges[:-1], edges[1:], per_piece, endpoint=False, axis=1).ravel(), edges[-1])
+    peak = np.max(np.abs(free(inner, free.locate(inner))), axis=0)
+    before, after = (tail.decay_time(peak, TAIL_SHARE) for tail in problem.tails)
+    times = np.concatenate([np.linspace(start - before, start, SAMPLES), inner, np.linspace(end, end + after, SAMPLES)])
+    piece = free.locate(times)
+    values, curvature = free(times, piece), free.derivative().derivative()(times, piece, slice(n, n + p))
+    peak = np.maximum(peak, np.max(np.abs(values), axis=0))
+    units = (_units(peak[:n]), _units(peak[n : n + p]))
+    if step is None:
+        bend = np.max(np.max(np.abs(curvature), axis=0) / units[1])
+        window = times[-1] - times[0]
+        smooth = np.sqrt(8 * INTERPOLATION_ERROR / max(bend, np.finfo(float).tiny))
+        step = float(min(max(smooth, window / USUAL_MOST_STEPS), COARSER * smooth, window / FEWEST_STEPS))
+    before, after = (step * max(10.0, float(np.ceil(margin / step))) for margin in (before, after))  # whole steps: all alike
+    margins = (before, after)
+    _require_steps(problem, margins, step)
+    return units, margins, step
+
+
+def _units(peak: Array) -> Array:
+    """Peaks; where one is but rounding of the others', or nothing moves, the largest."""
+    largest = float(np.max(peak))
+    return np.where(peak > 1e-9 * largest, peak, largest if largest > 0 else 1.0)
+
+
+def _require_steps(problem: LimitedProblem, margins: tuple[float, float], step: float) -> None:
+    """Raises RedesignError for a window of too many steps."""
+    edges = _window_edges(problem, margins)
+    steps = int(np.sum(step_counts(edges, step)))
+    if steps > MOST_STEPS:
+        raise RedesignError(
+            f"limits act from {edges[0]:.6g} to {edges[-1]:.6g} s, which takes {steps} steps of {step:.4g} s, more than "
+            f"{MOST_STEPS}; take a larger step, or loosen the limits"
+        )
+
+
+def _window_edges(problem: LimitedProblem, margins: tuple[float, float]) -> Array:
+    """The breakpoints and, `margins` [s] before and after them, the window's ends."""
+    breaks = problem.reference.breakpoints
+    return np.concatenate([[breaks[0] - margins[0]], breaks, [breaks[-1] + margins[1]]])
+
+
 def _transcribe(
     problem: LimitedProblem, units: tuple[Array, Array], margins: tuple[float, float], step: float | Array
 ) -> Transcription:
-    grid = make_grid(problem.plant, problem.reference, problem.weights, window_edges(problem, margins), step)
-    return Transcription(grid, problem.tails, problem.bounds, *units)
+    grid = make_grid(problem.plant, problem.reference, problem.free.weights, _window_edges(problem, margins), step)
+    return Transcription(grid, problem.tails, problem.free.weights, problem.bounds, *units)
 
 
 def _feasible_margins(
@@ -128,7 +217,7 @@ def _feasible_margins(
         task = _transcribe(problem, units, margins, steps)
         program, owner = task.program(grid_points(task.grid, problem.bounds))
         if program.solve() is not None:
-            require_steps(problem, margins, step)
+            _require_steps(problem, margins, step)
             return margins
     raise RedesignError(
         f"the limits cannot all be kept, even with {margins[0]:.4g} s before the manoeuvre and {margins[1]:.4g} s after it: "
@@ -136,21 +225,19 @@ def _feasible_margins(
     )
 
 
-def _widened(
-    problem: LimitedProblem, margins: tuple[float, float], step: float, trajectory: TwoSidedTrajectory, v: tuple[Array, Array]
-) -> tuple[float, float]:
+def _widened(problem: LimitedProblem, margins: tuple[float, float], step: float, trajectory: Trajectory) -> tuple[float, float]:
     """Twice the time on each side on which a limit is exceeded in the tail, or acts in the window's step beside it.
 
     There it would act on the tail's state through the window's end, and the tail would not be what is best beyond it.
     """
     inner = values_between(trajectory, problem.bounds, EDGE_SHARES)[:, [0, -1]]  # (bounds, 2, shares)
     wider = []
-    for side, (margin, tail) in enumerate(zip(margins, problem.tails, strict=True)):
-        beyond = float(np.max(tail_excess(tail, v[side], problem.bounds)))
+    for side, (margin, tail) in enumerate(zip(margins, (trajectory.before, trajectory.after), strict=True)):
+        beyond = float(np.max(tail_excess(tail, problem.bounds)))
         beside = max(float(np.max(bound.excess(value[side]))) for bound, value in zip(problem.bounds, inner, strict=True))
         wider.append(2 * margin if beyond > KEPT or beside > -SNAP else margin)
     if wider != list(margins):
-        require_steps(problem, (wider[0], wider[1]), step)
+        _require_steps(problem, (wider[0], wider[1]), step)
     return wider[0], wider[1]
 
 

@@ -1,18 +1,21 @@
-"""The optimum at one frequency, from coprime factors of the plant: regular at its poles on the imaginary axis."""
+"""The optimum at one frequency, from coprime factors of the plant, and as a kernel in time.
+
+The factors keep it regular at poles of the plant on the imaginary axis.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import real_matrix
 from invtrack.errors import RedesignError
 from invtrack.linear.state_space import StateSpace
-from invtrack.redesign.prefilter.reference_spectrum import FourierWindow
-from invtrack.redesign.weights import FrequencyWeight
+from invtrack.redesign.cost import FrequencyWeight
+from invtrack.redesign.prefilter.fourier import FourierWindow
 
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -20,11 +23,11 @@ ComplexArray = NDArray[np.complex128]
 AXIS_TOLERANCE = 1e-7
 """A pole of the optimum counts as on the axis where its real part is below this share of the fastest: it is a double one there."""
 
-MAX_HARMONICS = 2**18
-"""Windows with more frequencies than this are not tried."""
+FAR = 1e6
+"""Where a response is looked at for a direct feedthrough, in multiples of the bandwidth."""
 
-QUIET_CHANNEL = 1e-6
-"""A channel whose peak is below this share of the largest of its kind is measured against that share."""
+FALLEN = 1e-3
+"""A response that has fallen to this share by then has no direct feedthrough: the slowest fall is as 1 / w."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,10 +47,17 @@ class FrequencyResponse:
 
 @dataclass(frozen=True, eq=False)
 class OptimalResponse:
-    """The plant with its weights, and a gain K (p, n) for which A - B K is stable; the optimum does not depend on K.
+    """The optimum as a function of frequency.
 
     With G_x = N_x M^-1, G_y = N_y M^-1, N_x = (jw - A + B K)^-1 B, M = 1 - K N_x, N_y = C N_x + D M, the optimal input is u = M v,
     v the least-squares solution of [F_R M; F_x N_x; F_y N_y] v = [0; 0; F_y] y_d, where F*F is the weight.
+
+    Args:
+        model: the plant.
+        R: weight of the inputs.
+        Q_x: weight of the states.
+        Q_y: weight of the output errors.
+        K: a gain (p, n) for which A - B K is stable; the optimum does not depend on it.
     """
 
     model: StateSpace
@@ -117,12 +127,10 @@ def factoring_gain(model: StateSpace, given: ArrayLike | None = None) -> Array:
         except (np.linalg.LinAlgError, ValueError) as error:
             raise RedesignError(
                 f"the plant cannot be stabilized: {error}; a mode on or right of the imaginary axis is out of reach of the inputs "
-                f"{list(model.input_names)}, remove it from the model or choose other inputs"
+                f"{list(model.inputs.names)}, remove it from the model or choose other inputs"
             ) from error
     else:
-        K = np.array(given, dtype=float)
-        if K.shape != (p, n) or not np.all(np.isfinite(K)):
-            raise RedesignError(f"stabilizing_gain must be a finite ({p}, {n}) matrix for u = -K x, got shape {K.shape}")
+        K = real_matrix("stabilizing_gain (K of u = -K x)", given, shape=(p, n), error=RedesignError)
     poles = np.linalg.eigvals(model.A - model.B @ K)
     if np.any(poles.real >= 0):
         raise RedesignError(f"the gain does not stabilize the plant: A - B K has poles {np.round(poles, 6).tolist()}")
@@ -149,6 +157,35 @@ def time_scales(response: OptimalResponse, probes: Array) -> tuple[float, float]
     return float(np.min(-stable.real)), float(np.max(np.abs(stable)))
 
 
+def require_strictly_proper(response: OptimalResponse, bandwidth: float) -> None:
+    """Raises RedesignError where the response does not fall off far above the bandwidth [rad/s]."""
+    low, far = (np.max(np.abs(response(bandwidth * np.array(w)).stacked), axis=(0, 2)) for w in ([0.01, 0.1, 1.0], [FAR]))
+    if np.any(far > FALLEN * low):
+        raise RedesignError(
+            "the kernel contains an impulse, because the optimum does not fall off at high frequencies (a direct feedthrough D, or "
+            "an input that costs nothing there); use apply, which needs no kernel, or give weight R to the input"
+        )
+
+
+def impulse_samples(response: OptimalResponse, window: FourierWindow) -> Array:
+    """Samples of [g_u; g_x; g_f] (samples, (p + n + p) p) on a window about time 0.
+
+    The kernels may jump or have kinks at time 0, so that their transforms fall slowly. What the transform is at the band's edge is
+    taken out as a two-sided exponential, whose kernel is known: j b w / (c^2 + w^2) belongs to -b sgn(t) exp(-c |t|) / 2, and
+    b / (c^2 + w^2) to b exp(-c |t|) / (2 c).
+    """
+    w = window.frequencies
+    G = response(w).stacked.reshape(len(w), -1)
+    edge = w[-1]
+    c = 40.0 / window.length * np.sqrt(window.harmonics / 40.0 + 1.0)  # dies out within the window, far below the band's edge
+    odd, even = G[-1].imag * (c**2 + edge**2) / edge, G[-1].real * (c**2 + edge**2)
+    shape = 1.0 / (c**2 + w**2)[:, None]
+    rest = (G - (even + 1j * odd * w[:, None]) * shape) * np.exp(1j * w * window.start)[:, None]
+    t = window.sample_times[:, None]
+    decay = np.exp(-c * np.abs(t))
+    return np.asarray(window.synthesize(rest) + decay * (even / (2 * c) - odd * np.sign(t) / 2))
+
+
 def _require_off_axis(poles: ComplexArray) -> None:
     offending = poles[np.abs(poles.real) <= AXIS_TOLERANCE * np.max(np.abs(poles), initial=0.0)]
     if offending.size:
@@ -156,43 +193,3 @@ def _require_off_axis(poles: ComplexArray) -> None:
             f"the optimum has poles on the imaginary axis at {np.round(offending, 6).tolist()}: an undamped mode that the weights "
             "leave free, or (R = Q_x = 0) a zero of the plant there; give weight to that mode in Q_x, or to the input in R"
         )
-
-
-def refine(
-    samples: Callable[[FourierWindow], Array], window: FourierWindow, times: Array | None, tolerance: float, groups: Sequence[int]
-) -> tuple[Array, Array, float]:
-    """(times (m,), values (m, c), truncation error) of a signal whose samples on any window are known.
-
-    The error is the largest change at these times when the window is made twice as long plus the one when the bandwidth is doubled,
-    relative to the channel's peak over the window; `groups` says how many channels are of one kind (inputs, states, outputs).
-
-    Raises RedesignError where it stays above `tolerance` with as many frequencies as are tried.
-    """
-    values = samples(window)
-    while True:
-        at = np.linspace(window.start, window.end, 2 * window.harmonics + 1) if times is None else times
-        here, peak = window.interpolate(values, at), _peaks(values, groups)
-        longer, wider = window.lengthened(), window.widened()
-        longer_values, wider_values = samples(longer), samples(wider)
-        window_error = float(np.max(np.abs(longer.interpolate(longer_values, at) - here) / peak))
-        bandwidth_error = float(np.max(np.abs(wider.interpolate(wider_values, at) - here) / peak))
-        if window_error + bandwidth_error <= tolerance:
-            return at, here, window_error + bandwidth_error
-        if longer.harmonics > MAX_HARMONICS:
-            raise RedesignError(
-                f"the redesign is truncated by {window_error:.1e} (window of {window.length:.4g} s) and {bandwidth_error:.1e} "
-                f"(bandwidth of {2 * np.pi * window.harmonics / window.length:.4g} rad/s) of its peak, more than the tolerance "
-                f"{tolerance:.1e}, and {MAX_HARMONICS} frequencies are not enough for less; accept a larger tolerance, use a "
-                "smoother reference or more input weight R, or, with constant weights, the redesign in the time domain"
-            )
-        window, values = (longer, longer_values) if window_error > bandwidth_error else (wider, wider_values)
-
-
-def _peaks(values: Array, groups: Sequence[int]) -> Array:
-    """Largest |value| of each channel, or the share of its kind's largest that counts for quiet ones: (c,)."""
-    peak: Array = np.max(np.abs(values), axis=0)
-    per_kind = len(peak) // sum(groups)
-    for part in np.split(peak, np.cumsum(groups)[:-1] * per_kind):
-        largest = np.max(part, initial=0.0)
-        part[:] = np.maximum(part, QUIET_CHANNEL * largest) if largest > 0 else 1.0
-    return peak

@@ -8,14 +8,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.checks import real_numbers, require_share
 from invtrack.errors import RedesignError, TrajectoryError
 from invtrack.linear.switched import as_switched
 from invtrack.plans.problem import require_reference
-from invtrack.redesign.holding import FREE_HOLDING, without_rounding
-from invtrack.redesign.prefilter.frequency_response import FrequencyResponse, OptimalResponse, factoring_gain, refine, time_scales
-from invtrack.redesign.prefilter.impulse import ImpulseResponse, impulse_samples, require_strictly_proper
-from invtrack.redesign.prefilter.reference_spectrum import FourierWindow, held_values, rate_spectrum
-from invtrack.redesign.weights import WeightLike, frequency_weight
+from invtrack.redesign.cost import FREE_HOLDING, WeightLike, frequency_weight, without_rounding
+from invtrack.redesign.prefilter.fourier import FourierWindow, rate_spectrum, refine
+from invtrack.redesign.prefilter.frequency_response import (
+    FrequencyResponse,
+    OptimalResponse,
+    factoring_gain,
+    impulse_samples,
+    require_strictly_proper,
+    time_scales,
+)
 from invtrack.references.signal import PiecewiseSignal
 
 Array = NDArray[np.float64]
@@ -24,16 +30,24 @@ ComplexArray = NDArray[np.complex128]
 ZERO_TOLERANCE = 1e-12
 """G_y counts as singular where its smallest singular value is below this share of the terms it is the sum of."""
 
+REST_TOLERANCE = 1e-9
+"""Largest change of the reference outside its manoeuvre, as a share of its size, that counts as holding still."""
+
 BANDWIDTH_FACTOR = 8.0
 """First guess of the bandwidth, in multiples of the fastest pole."""
 
 
 @dataclass(frozen=True, eq=False)
 class PrefilteredTrajectory:
-    """The optimum for one reference at times (m,) [s]: u (m, p), x (m, n), y (m, p) and the wanted y_d (m, p).
+    """The optimum for one reference, at any times.
 
-    x is the deviation from the operating point, the others are absolute. truncation_error: what doubling the window and doubling
-    the bandwidth change, as a share of each channel's peak (see `refine`).
+    Args:
+        time: (m,) [s].
+        u: inputs (m, p), absolute.
+        x: states (m, n), as deviations from the operating point.
+        y: outputs (m, p), absolute.
+        y_d: the wanted outputs (m, p), absolute.
+        truncation_error: what doubling the window and doubling the bandwidth change, as a share of each channel's peak.
     """
 
     time: Array
@@ -42,6 +56,34 @@ class PrefilteredTrajectory:
     y: Array
     y_d: Array
     truncation_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class ImpulseResponse:
+    """The filter's kernels: u_opt = g_u * y_d, x_opt = g_x * y_d, y_opt = g_f * y_d, by convolution.
+
+    Not causal: values before time 0 are what the optimum does ahead of the reference. At a jump at time 0 the sample is the mean of
+    both sides.
+
+    Args:
+        time: (m,) [s].
+        g_u: kernel of the inputs (m, p, p).
+        g_x: kernel of the states (m, n, p).
+        g_f: kernel of the outputs (m, p, p).
+        truncation_error: what doubling window and bandwidth change, as a share of each kernel's peak.
+    """
+
+    time: Array
+    g_u: Array
+    g_x: Array
+    g_f: Array
+    truncation_error: float
+
+    def preview_time(self, level: float) -> float:
+        """How long [s] before time 0 the kernel of some input first exceeds `level` of that input's peak; 0 where it never does."""
+        size = np.max(np.abs(self.g_u), axis=2)  # (m, p)
+        above = np.any(size > level * np.max(size, axis=0), axis=1) & (self.time < 0)
+        return float(-self.time[above][0]) if np.any(above) else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +147,7 @@ class Prefilter:
 
         Raises RedesignError for a level outside 0 ... 1, and as `impulse_response` does.
         """
-        if not 0 < level < 1:
-            raise RedesignError(f"level must lie between 0 and 1, got {level}")
+        require_share("level", level, error=RedesignError)
         return self.impulse_response(tolerance=min(1e-3, level / 10)).preview_time(level)
 
     def apply(
@@ -142,8 +183,7 @@ class Prefilter:
 
     def _reach(self, tolerance: float) -> float:
         """Distance [s] over which the slowest pole decays to less than the tolerance."""
-        if not 0 < tolerance < 1:
-            raise RedesignError(f"tolerance must lie between 0 and 1, got {tolerance}")
+        require_share("tolerance", tolerance, error=RedesignError)
         return float((np.log(1 / tolerance) + 4.0) / self.decay_rate)
 
     def _groups(self) -> list[int]:
@@ -170,20 +210,27 @@ def prefilter(
     """The filter from y_d to the trajectory that minimises the integral over time of u'R u + x'Q_x x + (y - y_d)'Q_y (y - y_d).
 
     G_u = (R + G_x*Q_x G_x + G_y*Q_y G_y)^-1 G_y*Q_y, with the plant's G_x = (jw - A)^-1 B and G_y = C G_x + D; the filter's parts
-    are G_u, G_x G_u and G_f = G_y G_u. R (p, p), Q_x (n, n), Q_y (p, p): numbers (multiples of the identity), matrices, or
-    functions of the frequency w [rad/s] with such values, Hermitian, positive semidefinite and conjugate at w and -w. Q_y = 0 gives
-    zero, R = Q_x = 0 exact inversion. The result does not depend on the gain K (p, n), u = -K x, with which the plant is factored.
+    are G_u, G_x G_u and G_f = G_y G_u. A weight is a number (that multiple of the identity), a matrix, or a function of the
+    frequency w [rad/s] with such values, Hermitian, positive semidefinite and conjugate at w and -w. Q_y = 0 gives zero, and
+    R = Q_x = 0 exact inversion.
 
-    Source: Devasia, "Optimal output-trajectory redesign for invertible systems", J. Guidance, Control, and Dynamics 19(5), 1996,
-    lemma.
+    Args:
+        model: StateSpace, or anything with A, B, C, D, that does not jump.
+        R: weight of the inputs (p, p).
+        Q_x: weight of the states (n, n).
+        Q_y: weight of the output errors (p, p).
+        stabilizing_gain: K (p, n) of u = -K x, with which the plant is factored; the filter does not depend on it.
 
     Raises RedesignError for a plant that jumps, one that cannot be stabilized, malformed weights, and weights that leave an
-    undamped mode free; ModelError for a malformed model.
+    undamped mode free; ModelError for a malformed model. Source: S. Devasia, "Optimal output-trajectory redesign for invertible
+    systems", AIAA J. of Guidance, Control, and Dynamics 19(5), 1996, lemma.
     """
     plant = as_switched(model)
     if len(plant) > 1:
-        raise RedesignError(f"a prefilter needs a plant that stays the same, this one has {len(plant)} intervals; use redesign")
-    system = plant.systems[0]
+        raise RedesignError(
+            f"a prefilter needs a plant that stays the same, this one has {len(plant)} intervals; use quadratic_redesign"
+        )
+    (system,) = plant.systems
     n, p = system.n_states, system.n_channels
     K = factoring_gain(system, stabilizing_gain)
     scale = float(np.max(np.abs(np.linalg.eigvals(system.A - system.B @ K))))
@@ -199,8 +246,26 @@ def prefilter(
     return Prefilter(response, decay_rate, BANDWIDTH_FACTOR * fastest)
 
 
+def held_values(reference: PiecewiseSignal) -> tuple[Array, Array]:
+    """(y_0, y_f): the values (p,) that the reference holds before and after its manoeuvre.
+
+    Raises TrajectoryError where it does not hold still there, so that it has no Fourier transform of its rate.
+    """
+    start, end = reference.manoeuvre
+    distance = np.array([1e-3, 1.0, np.pi, 10.0]) * max(end - start, 1.0)
+    before, after = reference(start - distance), reference(end + distance)
+    size = max(float(np.max(np.abs(reference(reference.breakpoints)))), np.max(np.abs(before)), np.max(np.abs(after)))
+    for side, values in (("before", before), ("after", after)):
+        if np.max(np.abs(values - values[0])) > REST_TOLERANCE * size:
+            raise TrajectoryError(
+                f"expected a reference that holds still outside its manoeuvre from {start:.6g} to {end:.6g} s, this one changes "
+                f"{side} it; end it at rest (see rest_to_rest, or autonomous with its start and end)"
+            )
+    return before[0], after[0]
+
+
 def _finite(name: str, values: ArrayLike) -> Array:
-    array = np.atleast_1d(np.asarray(values, dtype=float))
+    array = np.atleast_1d(real_numbers(name, values))
     if array.ndim != 1 or array.size == 0 or not np.all(np.isfinite(array)):
         raise TrajectoryError(f"{name} must be finite numbers, one or a vector of them, got shape {array.shape}")
     return array

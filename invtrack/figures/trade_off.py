@@ -1,0 +1,129 @@
+"""What one quantity costs in others: panels that share their horizontal axis, one per quantity that is traded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatterSciNotation, LogLocator
+from numpy.typing import NDArray
+
+from invtrack.errors import InvtrackError
+from invtrack.figures.style import INK, line_looks, new_figure, shared_style
+
+Array = NDArray[np.float64]
+Curves = Mapping[str, Sequence[float]]
+
+INCHES_PER_PANEL = 1.9
+MARKERS = ("o", "s", "^", "D", "v", "P")
+DECADES_DIVIDED = 2.5  # a logarithmic axis over no more than these has labels at 2 and 5, too
+NOTE_OFFSET = 5.0  # points between a point and its note
+
+
+def trade_off_figure(
+    title: str,
+    *,
+    horizontal: tuple[str, Sequence[float]],
+    panels: Sequence[tuple[str, Curves]],
+    notes: Sequence[str] = (),
+    horizontal_log: bool = False,
+    vertical_log: bool = False,
+) -> Figure:
+    """Panels above each other, one per quantity, over one quantity that is given up; the points of a curve joined in their order.
+
+    horizontal: (label with unit, value of each point). panels: (label with unit, {curve: value of each point}) from top to bottom;
+    NaN leaves a point out of a curve and interrupts its line, so that families of points can share the horizontal axis. A curve has
+    the same look in every panel. notes: a text for each point, "" for those without, written beside the point's first curve of the
+    top panel and marked in all panels. horizontal_log, vertical_log: logarithmic axes, on which a value that is not positive has no
+    place.
+
+    Raises InvtrackError where lengths differ, or where there is nothing to draw.
+    """
+    label, values = horizontal[0], np.asarray(horizontal[1], dtype=float)
+    _require_fit(label, len(values), panels, notes)
+    names = list(dict.fromkeys(name for _, curves in panels for name in curves))
+    looks = {
+        name: {**look, "marker": MARKERS[i % len(MARKERS)]}
+        for i, (name, look) in enumerate(zip(names, line_looks(len(names)), strict=True))
+    }
+    with shared_style():
+        figure = new_figure(title, width=8.0, height=1.1 + INCHES_PER_PANEL * len(panels))
+        all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, (quantity, curves) in zip(all_axes, panels, strict=True):
+            if horizontal_log:
+                axes.set_xscale("log")
+                axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+                axes.xaxis.set_minor_formatter(
+                    LogFormatterSciNotation(labelOnlyBase=False, minor_thresholds=(DECADES_DIVIDED,) * 2)
+                )
+            if vertical_log:
+                axes.set_yscale("log")
+            for name, curve in curves.items():
+                axes.plot(values, np.asarray(curve, dtype=float), label=name, markersize=3.5, **looks[name])
+            axes.set_ylabel(quantity)
+            axes.margins(x=0.06, y=0.12)
+            _mark_notes(axes, values, curves, notes, written=axes is all_axes[0])
+        all_axes[-1].set_xlabel(label)
+        figure.align_ylabels()
+        if len(names) > 1:
+            handles = {text: handle for axes in all_axes for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+            figure.legend(list(handles.values()), list(handles), loc="outside lower left", ncols=4)
+    return figure
+
+
+def _require_fit(label: str, count: int, panels: Sequence[tuple[str, Curves]], notes: Sequence[str]) -> None:
+    if count == 0 or not panels or not all(curves for _, curves in panels):
+        raise InvtrackError(f"expected at least one point and one curve in every panel, got {count} values of {label}")
+    for quantity, curves in panels:
+        for name, curve in curves.items():
+            if len(curve) != count:
+                raise InvtrackError(f"curve {name!r} of {quantity} has {len(curve)} points for {count} values of {label}")
+    if notes and len(notes) != count:
+        raise InvtrackError(f'expected a note for each of {count} points ("" for none), got {len(notes)} notes')
+
+
+def _mark_notes(axes: Axes, values: Array, curves: Curves, notes: Sequence[str], *, written: bool) -> None:
+    """A ring around every noted point of every curve, and with `written` the note beside the first curve that has the point."""
+    ring: dict[str, Any] = {
+        "linestyle": "none",
+        "marker": "o",
+        "markersize": 8.0,
+        "markerfacecolor": "none",
+        "markeredgecolor": INK,
+    }
+    table = np.array([np.asarray(curve, dtype=float) for curve in curves.values()])  # (curves, points)
+    for i, note in enumerate(notes):
+        shown = table[np.isfinite(table[:, i]), i]
+        if not note or not shown.size:
+            continue
+        axes.plot(np.full(len(shown), values[i]), shown, **ring)
+        if written:
+            first = next(row for row in table if np.isfinite(row[i]))
+            _write_note(
+                axes, note, (values[i], first[i]), ascending=_ascends(values, first), right=values[i] <= np.nanmedian(values)
+            )
+
+
+def _ascends(values: Array, curve: Array) -> bool:
+    """Whether a curve tends upward to the right."""
+    known = np.flatnonzero(np.isfinite(curve))
+    first, last = known[np.argmin(values[known])], known[np.argmax(values[known])]
+    return bool(curve[last] > curve[first])
+
+
+def _write_note(axes: Axes, note: str, point: tuple[float, float], *, ascending: bool, right: bool) -> None:
+    """Beside the point, towards the middle of the panel and where a curve with this slope leaves room."""
+    above = right != ascending
+    axes.annotate(
+        note,
+        point,
+        xytext=(NOTE_OFFSET if right else -NOTE_OFFSET, NOTE_OFFSET if above else -NOTE_OFFSET),
+        textcoords="offset points",
+        ha="left" if right else "right",
+        va="bottom" if above else "top",
+        fontsize=7.5,
+        color=INK,
+    )

@@ -1,0 +1,119 @@
+"""Plans that do not act ahead: the causal inverse, and the usual practice of following by the steady state."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.errors import InversionError, NonHyperbolicError
+from invtrack.inversion.exact import bounded_solution, require_smooth
+from invtrack.inversion.modified.modified_dynamics import has_equilibrium, undivided_dynamics
+from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros, on_axis
+from invtrack.linear.state_space import StateSpace
+from invtrack.plans.plan import Plan
+from invtrack.plans.problem import PlanningProblem
+from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
+from invtrack.plans.two_sided_problem import two_sided_problem
+from invtrack.references.signal import Generator, PiecewiseSignal
+
+REPEATED_TOLERANCE = 1e-6
+"""Zeros on the axis that are closer than this share of the largest zero are one repeated zero."""
+
+Array = NDArray[np.float64]
+
+CONDITION_LIMIT = 1e14
+"""Largest condition number, in the best of units, with which the equations of the steady state still count as solvable."""
+
+
+def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float = 1e-10) -> Plan:
+    """The input with which the output of `model` follows `reference` exactly from rest, without acting before the manoeuvre.
+
+    The internal dynamics eta' = A_eta eta + A_zeta zeta_d + B_r y_d^(r) run forward from their equilibrium. That stays bounded for
+    plants without antistable zeros. Zeros on the imaginary axis are allowed: what the manoeuvre leaves in them rings on for ever,
+    while the output stands still; `postactuation` is then 0 and `remarks` says so.
+
+    model, reference, tolerance: as for `invert`. Raises InversionError (tolerance), NonHyperbolicError (antistable zeros, repeated
+    zeros on the axis, a zero at the origin), TrajectoryError, RelativeDegreeError, CompatibilityError, BoundednessError. It is what
+    `modified_inversion` and `invert` are compared with. Source: Devasia 1996 (non-hyperbolic internal dynamics), section 2.3.
+    """
+    problem = PlanningProblem.of(model, reference, tolerance=tolerance)
+    splits = undivided_dynamics(problem.plant)
+    for k, split in enumerate(splits):
+        _require_bounded(split.internal, k)
+    require_smooth(problem.plant, splits, problem.deviation)
+    solution = bounded_solution(problem, splits)
+    last, remarks = splits[-1].internal, solution.remarks
+    rings = on_axis(last)
+    if np.any(rings):
+        listed = format_zeros(last.zeros[rings], float(np.max(np.abs(last.zeros))))
+        remarks += (f"the zeros at {listed} lie on the imaginary axis: what is left in them after the manoeuvre rings on for ever",)
+    return problem.plan("causal inverse", solution.trajectory, exact=True, lasting=bool(np.any(rings)), remarks=remarks)
+
+
+def _require_bounded(internal: InternalDynamics, interval: int) -> None:
+    zeros, axis = internal.zeros, on_axis(internal)
+    size = float(np.max(np.abs(zeros), initial=0.0))
+    antistable = ~axis & (zeros.real > 0)
+    where = f"interval {interval}: "
+    if np.any(antistable):
+        raise NonHyperbolicError(
+            f"{where}no causal inverse: the internal dynamics grow without bound forward in time, antistable zeros at "
+            f"{format_zeros(zeros[antistable], size)}; use invert, whose input acts before the manoeuvre, or modified_inversion"
+        )
+    values = zeros[axis]
+    if not has_equilibrium(internal):
+        raise NonHyperbolicError(
+            f"{where}no bounded causal inverse: a zero at the origin, whose internal state drifts with whatever the manoeuvre "
+            "leaves in it; use modified_inversion, or track another output"
+        )
+    distance = np.abs(values[:, None] - values) + np.diag(np.full(len(values), np.inf))
+    if np.min(distance, initial=np.inf) <= REPEATED_TOLERANCE * size:
+        raise NonHyperbolicError(
+            f"{where}no bounded causal inverse: repeated zeros on the imaginary axis at {format_zeros(values, size)}, whose "
+            "response grows with time; use modified_inversion, or track another output"
+        )
+
+
+def steady_state_feedforward(model: Any, reference: PiecewiseSignal) -> Plan:
+    """State and input that would hold the output at y_d(t) if it stood still there: A x + B u = 0, C x + D u = y_d.
+
+    No inverse stands behind it: it is not a trajectory of the plant (its certificate's dynamics residual says by how much), and
+    with feedback around it, it is what a controller without inversion does.
+
+    Raises InversionError where some output cannot be held (a zero at s = 0), TrajectoryError for a wrong number of channels.
+    """
+    problem = PlanningProblem.of(model, reference)
+    trajectory = two_sided_problem(problem, problem.plant.map(_SteadyState)).solve().trajectory()
+    remark = "not a trajectory of the plant: the steady state of each wanted output"
+    return problem.plan("steady-state feedforward", trajectory, exact=None, remarks=(remark,))
+
+
+class _SteadyState:
+    """A two-sided system without states: the reference's share is all there is."""
+
+    def __init__(self, plant: StateSpace) -> None:
+        self._held = np.vstack([_steady_state(plant), np.eye(plant.n_channels)])
+        none = Part.empty(len(self._held), 0)
+        self.system = TwoSidedSystem(none, none, np.zeros((0, 0)))
+
+    def driven(self, generator: Generator) -> DrivenSystem:
+        """[x; u; y] that would hold the wanted output where it is."""
+        nothing = np.zeros((0, len(generator.S)))
+        return DrivenSystem(self.system, generator.S, nothing, nothing, self._held @ generator.R, nothing)
+
+
+def _steady_state(system: StateSpace) -> Array:
+    """[x; u] (n + p, p) that holds each output at one: A x + B u = 0, C x + D u = 1."""
+    pencil = np.block([[system.A, system.B], [system.C, system.D]])
+    n, p = system.n_states, system.n_channels
+    try:
+        inverse = np.linalg.solve(pencil, np.eye(n + p))
+        # The spectral radius of |M^-1| |M| is the condition number that the best scaling of rows and columns reaches (Bauer 1963).
+        condition = float(np.max(np.abs(np.linalg.eigvals(np.abs(inverse) @ np.abs(pencil)))))
+    except np.linalg.LinAlgError:
+        condition = np.inf
+    if not condition < CONDITION_LIMIT:
+        raise InversionError(f"the outputs {list(system.outputs.names)} cannot be held at constant values (a zero at s = 0)")
+    return np.asarray(inverse[:, n:])

@@ -1,0 +1,163 @@
+"""Plans as rows of samples with their origin, and back: polynomials from row to row."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.channels import Channels
+from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.certificate import Certificate
+from invtrack.plans.plan import Plan
+from invtrack.plans.plan_file import SampledPlan
+from invtrack.plans.tail import Tail
+from invtrack.plans.trajectory import PolynomialSegments, Trajectory
+from invtrack.references.profiles import piecewise_polynomial
+from invtrack.references.samples import sampled_reference
+from invtrack.references.signal import PiecewiseSignal
+
+Array = NDArray[np.float64]
+
+FEWEST_SAMPLES = 4
+"""Of fewer rows the wanted output is taken as linear between them."""
+
+
+def origin_of(plan: Plan, *, inputs: str, end: float) -> str:
+    """What rows of samples do not say of their plan, as JSON; inputs: the kind of u_ff, end [s]: where the last row's hold ends."""
+    return json.dumps(
+        {
+            "method": plan.method,
+            "manoeuvre": plan.manoeuvre,
+            "preactuation": plan.preactuation,
+            "postactuation": plan.postactuation,
+            "tolerance": plan.tolerance,
+            "certificate": asdict(plan.certificate),
+            "remarks": plan.remarks,
+            "inputs": inputs,
+            "end": end,
+            "model": _model_as_json(plan.model),
+        }
+    )
+
+
+def plan_from(samples: SampledPlan) -> Plan:
+    """The plan that goes through the rows. Raises KeyError, TypeError or ValueError where the origin does not fit them."""
+    origin = json.loads(samples.origin)
+    model = _model_from(origin["model"])
+    edges = np.append(samples.time, origin["end"])
+    point = model.operating_point
+    return Plan(
+        method=str(origin["method"]),
+        model=model,
+        reference=_wanted(samples.time, samples.y_d),
+        trajectory=_trajectory(model, edges, samples, held=origin["inputs"] != "sample", u_0=point.u0, y_0=point.y0),
+        manoeuvre=(float(origin["manoeuvre"][0]), float(origin["manoeuvre"][1])),
+        preactuation=float(origin["preactuation"]),
+        postactuation=float(origin["postactuation"]),
+        tolerance=float(origin["tolerance"]),
+        certificate=Certificate(**origin["certificate"]),
+        remarks=(*origin["remarks"], f"read from {len(samples.time)} samples; the certificate is that of the plan they come from"),
+    )
+
+
+def _wanted(time: Array, y_d: Array) -> PiecewiseSignal:
+    if len(time) >= FEWEST_SAMPLES:
+        return sampled_reference(time, y_d, degree=3, smoothness=0)
+    if len(time) == 1:
+        time, y_d = np.array([time[0], time[0] + 1.0]), np.repeat(y_d, 2, axis=0)
+    pieces = [np.column_stack([a, (b - a) / h]) for a, b, h in zip(y_d[:-1], y_d[1:], np.diff(time), strict=True)]
+    return piecewise_polynomial(time, pieces)
+
+
+def _trajectory(model: SwitchedSystem, edges: Array, samples: SampledPlan, *, held: bool, u_0: Array, y_0: Array) -> Trajectory:
+    """Segments between the edges (m + 1,), m rows: Hermite cubics in x and y, constants or lines in u."""
+    h, n, p = np.diff(edges)[:, None], model.n_states, model.n_channels
+    u = samples.u_ff - u_0
+    u_end = u if held else np.vstack([u[1:], u[-1:]])
+    x, y = samples.x_ref, samples.y - y_0
+    interval = model.interval((edges[:-1] + edges[1:]) / 2)
+    A, B, C, D = (np.array([getattr(system, name) for system in model.systems])[interval] for name in "ABCD")
+    slopes_start = np.einsum("kij,kj->ki", A, x) + np.einsum("kij,kj->ki", B, u)
+    # The last row has no next one: there the state goes on as the plant's equations say.
+    x_end = np.vstack([x[1:], x[-1:] + h[-1:] * slopes_start[-1:]])
+    slopes_end = np.einsum("kij,kj->ki", A, x_end) + np.einsum("kij,kj->ki", B, u_end)
+    y_end = np.vstack([y[1:], (C[-1] @ x_end[-1] + D[-1] @ u_end[-1])[None]])
+    rate = (u_end - u) / h
+    slopes_y = [np.einsum("kij,kj->ki", C, s) + np.einsum("kij,kj->ki", D, rate) for s in (slopes_start, slopes_end)]
+    coefficients = np.zeros((len(x), 4, n + 2 * p))
+    coefficients[:, :, :n] = _hermite(x, x_end, h * slopes_start, h * slopes_end)
+    coefficients[:, 0, n : n + p], coefficients[:, 1, n : n + p] = u, u_end - u
+    coefficients[:, :, n + p :] = _hermite(y, y_end, h * slopes_y[0], h * slopes_y[1])
+    count = np.arange(len(x))
+    first = np.concatenate([x[0], u[0], y[0]])
+    last = np.concatenate([x_end[-1], u_end[-1], y_end[-1]])
+    return Trajectory(
+        breakpoints=edges,
+        groups=(PolynomialSegments(coefficients, h[:, 0]),),
+        group=np.zeros(len(x), dtype=np.intp),
+        number=count,
+        before=Tail.holding(-1, first),
+        after=Tail.holding(1, last),
+    )
+
+
+def _hermite(start: Array, end: Array, slope_start: Array, slope_end: Array) -> Array:
+    """Coefficients (k, 4, c) of the cubics on [0, 1] with these values and slopes (k, c) at its ends."""
+    rise = end - start
+    return np.stack([start, slope_start, 3 * rise - 2 * slope_start - slope_end, slope_start + slope_end - 2 * rise], axis=1)
+
+
+def _model_as_json(model: SwitchedSystem) -> dict[str, Any]:
+    point, measurement = model.operating_point, model.systems[0].measurement
+    return {
+        "states": asdict(model.states),
+        "inputs": asdict(model.inputs),
+        "outputs": asdict(model.outputs),
+        "operating_point": {name: value.tolist() for name, value in asdict(point).items()},
+        "measurements": asdict(measurement.channels),
+        "systems": [_system_as_json(system) for system in model.distinct],
+        "numbers": model.numbers.tolist(),
+        "switch_times": model.switch_times.tolist(),
+    }
+
+
+def _system_as_json(system: StateSpace) -> dict[str, Any]:
+    matrices = {name: getattr(system, name).tolist() for name in "ABCD"}
+    measurement = {name: getattr(system.measurement, name).tolist() for name in ("C", "D", "y0")}
+    errors = {name: float(value) for name, value in system.error_estimates.items()}
+    return {**matrices, "measurement": measurement, "parameters": dict(system.parameters), "error_estimates": errors}
+
+
+def _model_from(data: dict[str, Any]) -> SwitchedSystem:
+    channels = {name: Channels(**data[name]) for name in ("states", "inputs", "outputs")}
+    point = OperatingPoint(**{name: _array(value) for name, value in data["operating_point"].items()})
+    names = Channels(**data["measurements"])
+
+    def system(entry: dict[str, Any]) -> StateSpace:
+        C, D, y_0 = (_array(entry["measurement"][name]) for name in ("C", "D", "y0"))
+        shape = (len(names), len(channels["states"])), (len(names), len(channels["inputs"]))
+        return StateSpace(
+            entry["A"],
+            entry["B"],
+            entry["C"],
+            entry["D"],
+            states=channels["states"],
+            inputs=channels["inputs"],
+            outputs=channels["outputs"],
+            operating_point=point,
+            measurement=Measurement(C.reshape(shape[0]), D.reshape(shape[1]), names, y_0),
+            parameters=entry["parameters"],
+            error_estimates=entry["error_estimates"],
+        )
+
+    distinct = [system(entry) for entry in data["systems"]]
+    return SwitchedSystem([distinct[number] for number in data["numbers"]], data["switch_times"])
+
+
+def _array(value: ArrayLike) -> Array:
+    return np.asarray(value, dtype=float)

@@ -1,0 +1,219 @@
+"""Trajectories on all of time: segments between breakpoints, and a tail on either side."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from invtrack.linear.scaling import pace_of
+from invtrack.plans.tail import Tail
+from invtrack.plans.two_sided import DrivenSystem
+from invtrack.references.signal import selection
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+
+class Segments(Protocol):
+    """Segments of one kind, numbered from 0 on; values stack what the trajectory consists of (r,)."""
+
+    @property
+    def rows(self) -> int:
+        """How many values there are, r."""
+        ...
+
+    @property
+    def pace(self) -> float:
+        """How fast the values can change [rad/s]."""
+        ...
+
+    def values(self, number: Indices, since: Array, until: Array, rows: slice, resolution: float) -> Array:
+        """Values (k, rows) in segments `number` (k,), `since` [s] after their starts and `until` [s] before their ends.
+
+        resolution [s]: how far the times may be off as they are.
+        """
+        ...
+
+    def derivative(self) -> Segments:
+        """Segments whose values are the time derivatives of these."""
+        ...
+
+    def mapped(self, M: Array) -> Segments:
+        """Segments whose values are M (., r) times these."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class TwoSidedSegments:
+    """Segments of one driven two-sided system: z_f (k, n_f) and w (k, q) at their starts, z_b (k, n_b) and w at their ends."""
+
+    driven: DrivenSystem
+    z_f: Array
+    w_start: Array
+    z_b: Array
+    w_end: Array
+
+    @property
+    def rows(self) -> int:
+        """How many values there are, r."""
+        return len(self.driven.X_w)
+
+    @cached_property
+    def pace(self) -> float:
+        """How fast the values can change [rad/s]."""
+        return max((pace_of(M) for M in self.driven.pace if M.size), default=0.0)
+
+    def values(self, number: Indices, since: Array, until: Array, rows: slice, resolution: float) -> Array:
+        """X_f z_f + X_w w, integrated from the start, plus X_b z_b, integrated from the end."""
+        forward, backward = self.driven.system.forward, self.driven.system.backward
+        X_w = self.driven.X_w[rows]
+        result = np.zeros((len(number), len(X_w)))
+        both = self.driven.propagators
+        if both[0].size:
+            v = np.hstack([self.z_f, self.w_start])
+            result += both[0].outputs(np.hstack([forward.X[rows], X_w]), v, number, since, resolution=resolution)
+        if backward.size:
+            v = np.hstack([self.z_b, self.w_end])
+            result += both[1].outputs(np.hstack([backward.X[rows], np.zeros_like(X_w)]), v, number, until, resolution=resolution)
+        return result
+
+    def derivative(self) -> TwoSidedSegments:
+        """Segments whose values are the time derivatives of these."""
+        return replace(self, driven=self.driven.derivative())
+
+    def mapped(self, M: Array) -> TwoSidedSegments:
+        """Segments whose values are M (., r) times these."""
+        return replace(self, driven=self.driven.mapped(M))
+
+
+@dataclass(frozen=True, eq=False)
+class PolynomialSegments:
+    """Segments with values sum_i coefficients[k, i] (since / lengths[k])^i: coefficients (k, degree + 1, r), lengths (k,) [s]."""
+
+    coefficients: Array
+    lengths: Array
+
+    @property
+    def rows(self) -> int:
+        """How many values there are, r."""
+        return int(self.coefficients.shape[2])
+
+    @property
+    def pace(self) -> float:
+        """How fast the values can change [rad/s]."""
+        return float((self.coefficients.shape[1] - 1) / np.min(self.lengths, initial=np.inf))
+
+    def values(self, number: Indices, since: Array, until: Array, rows: slice, resolution: float) -> Array:
+        """By Horner's scheme."""
+        share = np.clip(since / self.lengths[number], 0.0, 1.0)[:, None]
+        chosen = self.coefficients[number][:, :, rows]
+        result = chosen[:, -1].copy()
+        for order in range(chosen.shape[1] - 2, -1, -1):
+            result *= share
+            result += chosen[:, order]
+        return result
+
+    def derivative(self) -> PolynomialSegments:
+        """Segments whose values are the time derivatives of these."""
+        order = np.arange(1, max(self.coefficients.shape[1], 2))
+        raised = self.coefficients[:, 1:] if self.coefficients.shape[1] > 1 else np.zeros_like(self.coefficients)
+        return replace(self, coefficients=raised * order[:, None] / self.lengths[:, None, None])
+
+    def mapped(self, M: Array) -> PolynomialSegments:
+        """Segments whose values are M (., r) times these."""
+        return replace(self, coefficients=self.coefficients @ M.T)
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Values (r,) on all of time, for a plan [x; u; y] as deviations from the operating point.
+
+    breakpoints t_0 ... t_m (m + 1,) [s]. There are m + 2 pieces: 0 is the tail before t_0, piece j the segment from t_(j-1) to t_j,
+    the last one the tail after t_m. groups: the segments by their kinds; group (m,), number (m,): which segment of which group each
+    inner piece is. A time on a breakpoint belongs to both sides; who asks says which piece is meant.
+    """
+
+    breakpoints: Array
+    groups: tuple[Segments, ...]
+    group: Indices
+    number: Indices
+    before: Tail
+    after: Tail
+
+    @property
+    def rows(self) -> int:
+        """How many values there are, r."""
+        return len(self.before.X_w)
+
+    def locate(self, t: ArrayLike) -> Indices:
+        """Index of the piece that holds each time; a breakpoint belongs to the piece on its right."""
+        return np.searchsorted(self.breakpoints, np.asarray(t, dtype=float), side="right")
+
+    def __call__(self, times: Array, piece: Indices, rows: slice = slice(None)) -> Array:
+        """Values at times (k,) taken in the pieces (k,) stated, all or some of their rows: (k, r)."""
+        edges, last = self.breakpoints, len(self.breakpoints)
+        result = np.empty((len(times), len(range(self.rows)[rows])))
+        for end, tail, edge in ((0, self.before, edges[0]), (last, self.after, edges[-1])):
+            chosen = selection(piece == end)
+            if chosen is not None:
+                distance = np.maximum(tail.direction * (times[chosen] - edge), 0.0)
+                result[chosen] = tail.values(distance, rows, _resolution(times[chosen]))
+        inner = np.clip(piece, 1, last - 1) - 1
+        group = np.where((piece > 0) & (piece < last), self.group[inner] if len(self.group) else -1, -1)
+        for index, segments in enumerate(self.groups):
+            chosen = selection(group == index)
+            if chosen is None:
+                continue
+            at, t = inner[chosen], times[chosen]
+            since, until = np.maximum(t - edges[at], 0.0), np.maximum(edges[at + 1] - t, 0.0)
+            result[chosen] = segments.values(self.number[at], since, until, rows, _resolution(t))
+        return result
+
+    def at(self, t: ArrayLike, inside: ArrayLike | None, rows: slice = slice(None)) -> Array:
+        """Values at times t (k,) in the pieces that hold the times `inside` (by default t itself)."""
+        times = np.atleast_1d(np.asarray(t, dtype=float))
+        within = times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape)
+        return self(times, self.locate(within), rows)
+
+    def paces(self) -> Array:
+        """How fast the values of each piece can change [rad/s], (m + 2,)."""
+        groups = np.array([segments.pace for segments in self.groups])
+        inner = groups[self.group] if len(self.group) else np.zeros(0)
+        return np.concatenate([[self.before.pace], inner, [self.after.pace]])
+
+    def derivative(self) -> Trajectory:
+        """The time derivative, piece by piece."""
+        return self._each(lambda segments: segments.derivative(), lambda tail: tail.derivative())
+
+    def mapped(self, M: Array) -> Trajectory:
+        """The trajectory of M (., r) times the values."""
+        return self._each(lambda segments: segments.mapped(M), lambda tail: tail.mapped(M))
+
+    def _each(self, change: Callable[[Segments], Segments], change_tail: Callable[[Tail], Tail]) -> Trajectory:
+        groups = tuple(change(segments) for segments in self.groups)
+        return replace(self, groups=groups, before=change_tail(self.before), after=change_tail(self.after))
+
+
+def grouped(breakpoints: Array, owner: Indices, make: Callable[[int, Indices], Segments], before: Tail, after: Tail) -> Trajectory:
+    """The trajectory whose inner pieces belong to the owners `owner` (m,), any numbers; those of one owner form a group.
+
+    make: from an owner, and the numbers of its pieces among the inner ones, to its segments.
+    """
+    owners, group = np.unique(owner, return_inverse=True)
+    number = np.empty(len(owner), dtype=np.intp)
+    groups = []
+    for index, which in enumerate(owners.tolist()):
+        pieces = np.flatnonzero(group == index)
+        number[pieces] = np.arange(len(pieces))
+        groups.append(make(int(which), pieces))
+    return Trajectory(breakpoints, tuple(groups), group, number, before, after)
+
+
+def _resolution(times: Array) -> float:
+    """How far times [s] of this size are off by rounding."""
+    return 4 * float(np.spacing(np.max(np.abs(times))))

@@ -1,0 +1,187 @@
+"""Two-sided systems: one part that decays forward in time, one that decays backward, both driven by a reference.
+
+The stable and antistable internal dynamics of an inverse, the state and costate of an optimum, and the coordinates of a regulation
+map are all of this form; they differ in who fills it in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from invtrack.errors import InversionError
+from invtrack.linear.propagation import Propagator
+from invtrack.plans.tail import Tail
+
+Array = NDArray[np.float64]
+
+RESONANCE = 1e-12
+"""A mode of the reference within this share of the norms of both matrices of an eigenvalue coincides with it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """z' = A z + (drive): X z is its share of the values [x; u; y], J z of what is continuous through a jump.
+
+    A (n_z, n_z), X (r, n_z), J (m, n_z).
+    """
+
+    A: Array
+    X: Array
+    J: Array
+
+    @classmethod
+    def empty(cls, rows: int, joined: int) -> Part:
+        """A part without states."""
+        return cls(np.zeros((0, 0)), np.zeros((rows, 0)), np.zeros((joined, 0)))
+
+    @property
+    def size(self) -> int:
+        """Number of states n_z."""
+        return len(self.A)
+
+    def in_unit(self, unit: float) -> Part:
+        """The same with z measured in another unit."""
+        return Part(self.A, self.X * unit, self.J * unit)
+
+
+@dataclass(frozen=True, eq=False)
+class TwoSidedSystem:
+    """values = X_f z_f + X_b z_b + (reference), z_f given at the start of a stretch of time and z_b at its end.
+
+    Each part is integrated in the direction in which it does not grow, so no exponential overflows. At a jump from one system to
+    another J_f z_f + J_b z_b + (reference) is continuous, (m,). T (rho + n_f + n_b, m) takes it apart: T J_f = [0; I; 0] and
+    T J_b = [0; 0; I]. Its first `prescribed` = rho rows pick what the reference alone decides (an inverse's outputs and their
+    derivatives): before a jump they are the compatibility conditions on z_f, z_b.
+    """
+
+    forward: Part
+    backward: Part
+    T: Array
+    prescribed: int = 0
+
+    @property
+    def size(self) -> int:
+        """Number of states n_f + n_b."""
+        return self.forward.size + self.backward.size
+
+    @cached_property
+    def propagators(self) -> tuple[Propagator, Propagator]:
+        """exp(A_f tau) and exp(-A_b tau)."""
+        return Propagator(self.forward.A), Propagator(-self.backward.A)
+
+    def in_units(self, forward: float, backward: float) -> TwoSidedSystem:
+        """The same with z_f and z_b measured in other units."""
+        rho, n_f = self.prescribed, self.forward.size
+        T = self.T.copy()
+        T[rho : rho + n_f] /= forward
+        T[rho + n_f :] /= backward
+        return TwoSidedSystem(self.forward.in_unit(forward), self.backward.in_unit(backward), T, rho)
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenSystem:
+    """A two-sided system with what a reference's state w' = S w adds to it.
+
+    z_f' = A_f z_f + D_f w, z_b' = A_b z_b + D_b w; X_w w is the reference's share of the values and J_w w of what is continuous.
+    S (q, q), D_f (n_f, q), D_b (n_b, q), X_w (r, q), J_w (m, q).
+    """
+
+    system: TwoSidedSystem
+    S: Array
+    D_f: Array
+    D_b: Array
+    X_w: Array
+    J_w: Array
+
+    @cached_property
+    def propagators(self) -> tuple[Propagator, Propagator]:
+        """Those of [z_f; w] forward and of [z_b; w] backward in time."""
+        forward, backward = self.system.forward.A, self.system.backward.A
+        return Propagator(_augmented(forward, self.D_f, self.S)), Propagator(-_augmented(backward, self.D_b, self.S))
+
+    @property
+    def pace(self) -> tuple[Array, ...]:
+        """Matrices whose norms say how fast the values change."""
+        return self.system.forward.A, self.system.backward.A, self.S
+
+    def in_units(self, forward: float, backward: float, system: TwoSidedSystem) -> DrivenSystem:
+        """The same, `system` being this one's in these units."""
+        return replace(self, system=system, D_f=self.D_f / forward, D_b=self.D_b / backward)
+
+    def steady(self) -> tuple[Array, Array]:
+        """z_f = steady_f w and z_b = steady_b w (., q), bounded where the reference runs on for ever: equilibria where it holds.
+
+        Raises InversionError where a mode of the reference is an eigenvalue of A_f or A_b.
+        """
+        return _steady(self.system.forward.A, self.D_f, self.S), _steady(self.system.backward.A, self.D_b, self.S)
+
+    def tail_before(self, w: Array, z_b: Array) -> Tail:
+        """The tail before a manoeuvre at whose start the backward part is z_b: z_f steady, z_b on its way from its steady value."""
+        steady_f, steady_b = self.steady()
+        forward, backward = self.system.forward, self.system.backward
+        X_w = self.X_w + forward.X @ steady_f + backward.X @ steady_b
+        return Tail(-1, -backward.A, backward.X, z_b - steady_b @ w, self.S, X_w, w)
+
+    def tail_after(self, w: Array, z_f: Array) -> Tail:
+        """The tail after a manoeuvre at whose end the forward part is z_f: z_b steady, z_f on its way to its steady value."""
+        steady_f, steady_b = self.steady()
+        forward, backward = self.system.forward, self.system.backward
+        X_w = self.X_w + forward.X @ steady_f + backward.X @ steady_b
+        return Tail(1, forward.A, forward.X, z_f - steady_f @ w, self.S, X_w, w)
+
+    def derivative(self) -> DrivenSystem:
+        """The system whose values are the time derivatives of this one's."""
+        forward, backward = self.system.forward, self.system.backward
+        system = replace(
+            self.system,
+            forward=replace(forward, X=forward.X @ forward.A),
+            backward=replace(backward, X=backward.X @ backward.A),
+        )
+        return replace(self, system=system, X_w=self.X_w @ self.S + forward.X @ self.D_f + backward.X @ self.D_b)
+
+    def mapped(self, M: Array) -> DrivenSystem:
+        """The system whose values are M (., r) times this one's."""
+        forward, backward = self.system.forward, self.system.backward
+        system = replace(self.system, forward=replace(forward, X=M @ forward.X), backward=replace(backward, X=M @ backward.X))
+        return replace(self, system=system, X_w=M @ self.X_w)
+
+
+def drive_units(driven: Sequence[DrivenSystem]) -> tuple[float, float]:
+    """Powers of two in which z_f and z_b are to be measured, so that the reference's drive is of the size of the dynamics.
+
+    A spline through close samples has large derivatives, and weights can be large: as entries of an augmented matrix they would set
+    the pace of all of it.
+    """
+    units = []
+    for part, drive in (("forward", "D_f"), ("backward", "D_b")):
+        pace = max((np.linalg.norm(A, 1) for each in driven if (A := getattr(each.system, part).A).size), default=0.0)
+        push = max((np.linalg.norm(D, 1) for each in driven if (D := getattr(each, drive)).size), default=0.0)
+        units.append(float(2.0 ** np.ceil(np.log2(push / pace))) if push > 0 and pace > 0 else 1.0)
+    return units[0], units[1]
+
+
+def _augmented(A: Array, D: Array, S: Array) -> Array:
+    return np.block([[A, D], [np.zeros((len(S), len(A))), S]])
+
+
+def _steady(A: Array, D: Array, S: Array) -> Array:
+    """The solution X of A X - X S = -D: z = X w solves z' = A z + D w."""
+    if not np.any(D):
+        return np.zeros_like(D)
+    if not np.any(S):
+        equilibrium: Array = -scipy.linalg.solve(A, D)
+        return equilibrium
+    shared = np.min(np.abs(np.linalg.eigvals(A)[:, None] - np.linalg.eigvals(S)[None, :]))
+    if shared <= RESONANCE * (np.linalg.norm(A) + np.linalg.norm(S)):
+        raise InversionError(
+            "a mode of the reference coincides with a zero of the plant, so it has no bounded response on an interval without end; "
+            "change the reference's mode or hold the output before and after the manoeuvre"
+        )
+    steady: Array = scipy.linalg.solve_sylvester(A, -S, -D)
+    return steady

@@ -1,0 +1,326 @@
+"""The two-sided boundary value problem: stretches of two-sided systems, joined at jumps, at rest or steady at both ends."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.linear.propagation import Propagator, forced_states
+from invtrack.plans.boundary_value import BoundaryValueSolution, Conditions, solve
+from invtrack.plans.problem import PlanningProblem
+from invtrack.plans.trajectory import Trajectory, TwoSidedSegments, grouped
+from invtrack.plans.two_sided import DrivenSystem, TwoSidedSystem, drive_units
+from invtrack.references.signal import Generator
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+SAME_ROW_TOLERANCE = 1e-9
+"""A compatibility row whose coefficients are below this share of the size of their terms holds no unknown."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """One interval of the plant within the manoeuvre (no piece, where it lies outside) and the reference's pieces in it.
+
+    which (k,): the driven system of each piece, among `driven`; lengths (k,) [s]; w_start, w_end (k, q): the reference's states at
+    the pieces' starts and ends, padded to the largest q. v = [z_f at its start; z_b at its end] is unknown.
+    """
+
+    system: TwoSidedSystem
+    driven: Sequence[DrivenSystem]
+    which: Indices
+    lengths: Array
+    w_start: Array
+    w_end: Array
+
+    @cached_property
+    def forced(self) -> tuple[Array, Array]:
+        """z_f at the start of each piece and at the end (k + 1, n_f), z_b alike (k + 1, n_b), that the reference alone causes."""
+        n_f, n_b = self.system.forward.size, self.system.backward.size
+        forward, backward = self.system.propagators
+        k = len(self.lengths)
+        added_f = self._driven(0, np.zeros((k, n_f)), self.w_start, self.lengths)
+        added_b = self._driven(1, np.zeros((k, n_b)), self.w_end, self.lengths)
+        return (
+            forced_states(forward, added_f, self.lengths),
+            forced_states(backward, added_b[::-1], self.lengths[::-1])[::-1],
+        )
+
+    @cached_property
+    def transitions(self) -> tuple[Array, Array]:
+        """E_f with z_f at the end = E_f z_f(start) + forced, and E_b with z_b at the start = E_b z_b(end) + forced."""
+        total = np.array([self.lengths.sum()])
+        forward, backward = self.system.propagators
+        return _transition(forward, total), _transition(backward, total)
+
+    @cached_property
+    def peak(self) -> float:
+        """The largest value that the reference alone causes."""
+        forced_f, forced_b = self.forced
+        peak = max(np.max(np.abs(z), initial=0.0) for z in (forced_f, forced_b))
+        for share in (1 / 3, 2 / 3):  # at the ends of pieces alone all may happen to pass through zero
+            inner_f = self._driven(0, forced_f[:-1], self.w_start, share * self.lengths)
+            inner_b = self._driven(1, forced_b[1:], self.w_end, share * self.lengths)
+            peak = max(peak, *(np.max(np.abs(z), initial=0.0) for z in (inner_f, inner_b)))
+        return float(peak)
+
+    def states(self, v: Array) -> tuple[Array, Array]:
+        """z_f at the start and z_b at the end of each piece, (k, n_f) and (k, n_b), for v = [z_f(start); z_b(end)]."""
+        n_f, n_b = self.system.forward.size, self.system.backward.size
+        forward, backward = self.system.propagators
+        times = np.concatenate([[0.0], np.cumsum(self.lengths)])
+        one = np.zeros(len(self.lengths), dtype=np.intp)
+        carried_f = forward.outputs(np.eye(n_f), v[np.newaxis, :n_f], one, times[:-1])
+        carried_b = backward.outputs(np.eye(n_b), v[np.newaxis, n_f:], one, times[-1] - times[1:])
+        return self.forced[0][:-1] + carried_f, self.forced[1][1:] + carried_b
+
+    def outer(self, v: Array) -> tuple[Array, Array]:
+        """z_f at the end of the stretch and z_b at its start."""
+        n_f = self.system.forward.size
+        E_f, E_b = self.transitions
+        return E_f @ v[:n_f] + self.forced[0][-1], E_b @ v[n_f:] + self.forced[1][0]
+
+    def _driven(self, part: int, z: Array, w: Array, lengths: Array) -> Array:
+        """z of [z; w] carried over each piece's length, (k, n_z); part 0 is the forward, 1 the backward one."""
+        n_z = z.shape[1]
+        result = np.empty_like(z)
+        for index in np.unique(self.which):
+            chosen, driven = self.which == index, self.driven[index]
+            q = len(driven.S)
+            start = np.hstack([z[chosen], w[chosen, :q]])
+            result[chosen] = driven.propagators[part].outputs(np.eye(n_z, n_z + q), start, np.arange(len(start)), lengths[chosen])
+        return result
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Which driven two-sided system holds when, and the states of the reference that drives it.
+
+    breakpoints (m + 1,) [s]; of the m + 2 pieces: which (m + 2,): its driven system, among `driven`; w_start, w_end (m + 2, q): the
+    reference's state at its start and end, padded, of the pieces without start or end at the other one.
+    """
+
+    breakpoints: Array
+    driven: Sequence[DrivenSystem]
+    which: Indices
+    w_start: Array
+    w_end: Array
+
+    def anchor(self, end: int) -> Array:
+        """The reference's state where the first piece ends (0), or where the last one starts (-1)."""
+        return self.w_start[end, : len(self.driven[self.which[end]].S)]
+
+
+@dataclass(frozen=True, eq=False)
+class TwoSidedProblem(Pieces):
+    """Two-sided systems joined at switches; the solution is bounded before and after the manoeuvre.
+
+    owner (m + 2,): the interval in which each piece lies; systems (N + 1,): of each interval; switch_times (N,) [s]: breakpoints at
+    which they change. peaks: per switch the largest size anywhere of what the new system prescribes (rho,), since it may pass
+    through zero there.
+    """
+
+    owner: Indices
+    systems: Sequence[TwoSidedSystem]
+    switch_times: Array
+    peaks: Sequence[Array]
+
+    def solve(self) -> TwoSidedSolution:
+        """Every stretch's v from z_f steady before the manoeuvre, continuity at the switches, and z_b steady after it."""
+        stretches = self._stretches()
+        before, after = self.driven[self.which[0]], self.driven[self.which[-1]]
+        z_first = before.steady()[0] @ self.anchor(0)
+        z_last = after.steady()[1] @ self.anchor(-1)
+        none = np.zeros((0, 0))
+        conditions, checks, rows, sizes = [], [], [], [stretch.peak for stretch in stretches]
+        for k, (left, right) in enumerate(itertools.pairwise(stretches)):
+            condition, check, size = _conditions(left, right, *self._joined(k), self.peaks[k])
+            conditions.append(condition)
+            checks.append(check)
+            rows.append(len(condition.rhs) - right.system.size)
+            sizes.append(size)
+        sizes += [float(np.max(np.abs(z), initial=0.0)) for z in (z_first, z_last)]
+        n_last = stretches[-1].system.size
+        boundary = solve(
+            Conditions(np.eye(len(z_first), stretches[0].system.size), none, z_first),
+            conditions,
+            Conditions(np.eye(n_last)[n_last - len(z_last) :], none, z_last),
+        )
+        return TwoSidedSolution(self, stretches, boundary, checks, rows, max(sizes))
+
+    def _stretches(self) -> list[Stretch]:
+        lengths = np.diff(self.breakpoints)
+        found = []
+        for k, system in enumerate(self.systems):
+            first, last = np.searchsorted(self.owner[1:-1], [k, k + 1])
+            pieces = slice(first + 1, last + 1)
+            found.append(
+                Stretch(system, self.driven, self.which[pieces], lengths[first:last], self.w_start[pieces], self.w_end[pieces])
+            )
+        return found
+
+    def _joined(self, k: int) -> tuple[Array, Array]:
+        """What the reference adds to what is continuous, J_w w, on both sides of switch k."""
+        right = int(np.searchsorted(self.breakpoints, self.switch_times[k], side="right"))  # the piece that starts there
+        before, after = self.driven[self.which[right - 1]], self.driven[self.which[right]]
+        return before.J_w @ self.w_end[right - 1, : len(before.S)], after.J_w @ self.w_start[right, : len(after.S)]
+
+
+class Driveable(Protocol):
+    """What a method makes of a linear model: a two-sided system that a reference can drive."""
+
+    @property
+    def system(self) -> TwoSidedSystem: ...
+
+    def driven(self, generator: Generator) -> DrivenSystem:
+        """The system with what a reference from this generator adds."""
+        ...
+
+
+def two_sided_problem(
+    problem: PlanningProblem,
+    models: Sequence[Driveable],
+    *,
+    peaks: Sequence[Array] | None = None,
+    one_unit: bool = True,
+) -> TwoSidedProblem:
+    """The two-sided problem of a plant and a reference.
+
+    Args:
+        problem: the plant and the reference.
+        models: of each interval (N + 1,); those that recur share what is worked out.
+        peaks: see TwoSidedProblem; none where nothing is prescribed.
+        one_unit: whether z_f and z_b are of one kind, to be compared with each other in one unit, and never in a smaller one.
+    """
+    reference = problem.deviation
+    place = {key: number for number, key in enumerate(dict.fromkeys(map(id, models)))}
+    model = np.array([place[id(each)] for each in models])
+    distinct = [models[k] for k in np.unique(model, return_index=True)[1]]
+    shape = (len(distinct), len(reference.generators))
+    keys, which = np.unique(np.ravel_multi_index((model[problem.owner], reference.kind), shape), return_inverse=True)
+    pairs = list(zip(*np.unravel_index(keys, shape), strict=True))
+    driven = [distinct[k].driven(reference.generators[g]) for k, g in pairs]
+    units = drive_units(driven)
+    units = (max(1.0, *units),) * 2 if one_unit else units
+    systems = [each.system.in_units(*units) for each in distinct]
+    return TwoSidedProblem(
+        breakpoints=reference.breakpoints,
+        owner=problem.owner,
+        systems=[systems[k] for k in model],
+        switch_times=problem.plant.switch_times,
+        driven=[each.in_units(*units, systems[k]) for each, (k, _) in zip(driven, pairs, strict=True)],
+        which=which,
+        w_start=reference.anchors,
+        w_end=problem.end_anchors,
+        peaks=peaks or [np.zeros(0)] * len(problem.plant.switch_times),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class TwoSidedSolution:
+    """v of each stretch, [z_f at its start; z_b at its end], with how the equations were solved.
+
+    open_checks: per switch the compatibility row without unknowns that fails worst, and by how much, relative to its terms.
+    compatibility_rows: per switch, how many others hold unknowns. size: largest right-hand side, the measure of what counts as
+    consistent.
+    """
+
+    problem: TwoSidedProblem
+    stretches: Sequence[Stretch]
+    boundary: BoundaryValueSolution
+    open_checks: list[tuple[int, float]]
+    compatibility_rows: list[int]
+    size: float
+
+    @property
+    def first_b(self) -> Array:
+        """z_b at the start of the manoeuvre."""
+        return self.stretches[0].outer(self.boundary.values[0])[1]
+
+    @property
+    def last_f(self) -> Array:
+        """z_f at the end of the manoeuvre."""
+        return self.stretches[-1].outer(self.boundary.values[-1])[0]
+
+    def trajectory(self) -> Trajectory:
+        """The values on all of time."""
+        return two_sided_trajectory(self.problem, *self.states(), self.first_b, self.last_f)
+
+    def states(self) -> tuple[Array, Array]:
+        """z_f at the start and z_b at the end of every inner piece, padded with zeros to the largest number of states."""
+        found = [stretch.states(v) for stretch, v in zip(self.stretches, self.boundary.values, strict=True)]
+        padded = []
+        for parts in zip(*found, strict=True):
+            width = max(part.shape[1] for part in parts)
+            padded.append(np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]))
+        return padded[0], padded[1]
+
+
+def two_sided_trajectory(pieces: Pieces, z_f: Array, z_b: Array, first_b: Array, last_f: Array) -> Trajectory:
+    """The trajectory of driven two-sided systems.
+
+    Args:
+        pieces: which systems, when, and the reference's states.
+        z_f: at the start of each inner piece (m, n_f), padded to the largest number of states.
+        z_b: at their ends (m, n_b), padded alike.
+        first_b: z_b at the start of the manoeuvre.
+        last_f: z_f at its end.
+    """
+    w_start, w_end = pieces.w_start[1:-1], pieces.w_end[1:-1]
+
+    def segments(number: int, chosen: Indices) -> TwoSidedSegments:
+        driven = pieces.driven[number]
+        q, n_f, n_b = len(driven.S), driven.system.forward.size, driven.system.backward.size
+        return TwoSidedSegments(driven, z_f[chosen, :n_f], w_start[chosen, :q], z_b[chosen, :n_b], w_end[chosen, :q])
+
+    before, after = pieces.driven[pieces.which[0]], pieces.driven[pieces.which[-1]]
+    return grouped(
+        pieces.breakpoints,
+        pieces.which[1:-1],
+        segments,
+        before.tail_before(pieces.anchor(0), first_b),
+        after.tail_after(pieces.anchor(-1), last_f),
+    )
+
+
+def _conditions(
+    left: Stretch, right: Stretch, w_left: Array, w_right: Array, peak: Array
+) -> tuple[Conditions, tuple[int, float], float]:
+    """Continuity at a switch in the coordinates of the stretch after it, rows scaled to unit size; w_left, w_right: J_w w."""
+    before, after = left.system, right.system
+    T, rho, n_f = after.T, after.prescribed, after.forward.size
+    (E_f, _), (_, E_b) = left.transitions, right.transitions
+    known = before.forward.J @ left.forced[0][-1] + w_left
+    rows_left = T @ np.hstack([before.forward.J @ E_f, before.backward.J])
+    # The difference first: where nothing switches it is zero to the last bit, and so is what would grow out of it.
+    rhs = T @ (w_right - known)
+    rhs[rho + n_f :] += right.forced[1][0]
+    rows_right = np.zeros((len(T), n_f + after.backward.size))
+    rows_right[rho : rho + n_f, :n_f] = -np.eye(n_f)
+    rows_right[rho + n_f :, n_f:] = -E_b
+    row_size = np.max(np.abs(T) @ np.abs(np.hstack([before.forward.J, before.backward.J])), axis=1, initial=0.0)
+    row_size = np.maximum(row_size, np.finfo(float).tiny)
+    wanted = np.maximum(np.abs(T[:rho] @ w_right), peak)
+    rhs_size = np.abs(T) @ np.abs(known) + np.concatenate([wanted, np.zeros(len(T) - rho)])
+    # Rows of what is prescribed that are the same on both sides hold no unknown: they are checked, not solved for.
+    empty = np.zeros(len(T), dtype=bool)
+    empty[:rho] = np.max(np.abs(rows_left[:rho]), axis=1, initial=0.0) <= SAME_ROW_TOLERANCE * row_size[:rho]
+    misses = np.where(empty & (rhs_size > 0), np.abs(rhs) / np.where(rhs_size > 0, rhs_size, 1.0), 0.0)
+    worst = int(np.argmax(misses)) if len(misses) else 0
+    kept = ~empty
+    scale = np.concatenate([row_size[:rho], np.ones(len(T) - rho)])[kept]
+    conditions = Conditions(rows_left[kept] / scale[:, None], rows_right[kept] / scale[:, None], rhs[kept] / scale)
+    return conditions, (worst, float(misses[worst]) if len(misses) else 0.0), float(np.max(rhs_size[kept] / scale, initial=0.0))
+
+
+def _transition(propagator: Propagator, length: Array) -> Array:
+    """exp(A length) (n, n)."""
+    n = propagator.size
+    return propagator.states(np.eye(n), np.repeat(length, n)).T

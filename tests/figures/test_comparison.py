@@ -1,0 +1,116 @@
+"""Figures of several runs share their axes, show every run, and say what is wrong with a request."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from invtrack.errors import InvtrackError
+from invtrack.figures import around_figure, comparison_figure
+from invtrack.results import RunResult
+from tests.figures.drawn import error_sizes, legend_entries, line_named, points, texts
+from tests.synthetic_runs import JUMP, TwoModes, two_mode_run
+
+TIMES = {"start": 0.0, "jump": JUMP}
+
+
+@pytest.fixture(scope="module")
+def runs() -> list[RunResult]:
+    return [
+        two_mode_run(modes=TwoModes(slow=1e-3, fast=2e-4)),
+        replace(two_mode_run(modes=TwoModes(slow=1e-6, fast=2e-7)), name="better"),
+    ]
+
+
+def test_errors_above_inputs_with_units_and_a_legend_of_the_runs(runs: list[RunResult]) -> None:
+    figure = comparison_figure(runs, window=(-2.0, 6.0))
+    errors, inputs = figure.axes
+    assert (errors.get_ylabel(), inputs.get_ylabel()) == ("$|y - y_d|$ [m]", "base force [N]")
+    assert (errors.get_yscale(), inputs.get_xlabel(), inputs.get_xlim()) == ("log", "time [s]", (-2.0, 6.0))
+    assert legend_entries(figure) == [run.name for run in runs]
+    for number, run in enumerate(runs):
+        line = line_named(errors, run.name)
+        time, drawn = points(line)
+        np.testing.assert_array_equal(drawn, error_sizes(run, time))
+        assert line.get_color() == inputs.get_lines()[number].get_color()
+
+
+def test_the_error_of_several_outputs_is_the_largest_of_them(runs: list[RunResult]) -> None:
+    def twice(run: RunResult, factor: float) -> RunResult:
+        def two(signal: object, values: np.ndarray) -> object:
+            return replace(signal, values=values, names=("a", "b"), units=("m", "m"))  # type: ignore[type-var]
+
+        wanted = np.repeat(run.reference.values, 2, axis=1)
+        return replace(
+            run,
+            output=two(run.output, wanted + run.error * [1.0, factor]),  # type: ignore[arg-type]
+            reference=two(run.reference, wanted),  # type: ignore[arg-type]
+        )
+
+    _, drawn = points(comparison_figure([twice(runs[0], -3.0)]).axes[0].get_lines()[0])
+    _, single = points(comparison_figure([runs[0]]).axes[0].get_lines()[0])
+    np.testing.assert_allclose(drawn, 3.0 * single, rtol=1e-9, atol=1e-14)
+
+
+def test_a_run_without_error_is_said_to_be_so_or_leaves_room_for_others(runs: list[RunResult]) -> None:
+    perfect = replace(runs[0], output=runs[0].reference, name="perfect")
+    assert "exactly zero" in texts(comparison_figure([perfect, replace(perfect, name="too")]))
+    mixed = comparison_figure([perfect, runs[0]])
+    assert "exactly zero" not in texts(mixed)
+    low, high = mixed.axes[0].get_ylim()
+    assert 0 < low < high
+    assert high > np.abs(runs[0].error).max()
+
+
+def test_runs_that_do_not_fit_are_refused(runs: list[RunResult]) -> None:
+    with pytest.raises(InvtrackError, match="at least one run"):
+        comparison_figure([])
+    other = replace(runs[0], name="rig", applied=replace(runs[0].applied, units=("N m",)))
+    for draw in (comparison_figure, lambda both: around_figure(both, times=TIMES, before=0.2, after=0.2)):
+        with pytest.raises(InvtrackError, match=r"'rig' has the applied channels base_force \[N m\], expected .* \[N\]"):
+            draw([runs[0], other])
+
+
+def test_a_column_for_each_time(runs: list[RunResult]) -> None:
+    figure = around_figure(runs, times=TIMES, before=0.2, after=0.4)
+    assert len(figure.axes) == 2 * len(TIMES)
+    for column, (name, time) in enumerate(TIMES.items()):
+        errors, inputs = figure.axes[column], figure.axes[column + len(TIMES)]
+        assert errors.get_title(loc="left") == f"{name}, {time:.4g} s"
+        assert errors.get_xlim() == inputs.get_xlim() == pytest.approx((time - 0.2, time + 0.4))
+        assert inputs.get_xlabel() == "time [s]"
+        for run in runs:
+            shown, drawn = points(line_named(errors, run.name))
+            np.testing.assert_array_equal(drawn, error_sizes(run, shown))
+            assert shown[0] <= time - 0.2 < time + 0.4 <= shown[-1]
+    assert [axes.get_ylabel() for axes in figure.axes] == ["$|y - y_d|$ [m]", "", "base force [N]", ""]
+    assert legend_entries(figure) == [run.name for run in runs]
+
+
+def test_the_error_axis_holds_the_errors_of_all_columns(runs: list[RunResult]) -> None:
+    """Scaled to the last column alone, larger errors elsewhere would be cut off."""
+    quiet = replace(runs[0], output=replace(runs[0].output, values=runs[0].reference.values + 1e-9), name="quiet")
+    late = quiet.time > JUMP + 0.3
+    values = quiet.output.values.copy()
+    values[~late] += runs[0].error[~late]
+    mixed = replace(quiet, output=replace(quiet.output, values=values))
+    figure = around_figure([mixed], times={"jump": JUMP, "later": JUMP + 0.6}, before=0.2, after=0.2)
+    low, high = figure.axes[0].get_ylim()
+    shown = np.abs(mixed.error[(mixed.time > JUMP - 0.2) & (mixed.time < JUMP + 0.2)]).max()
+    assert low < 1e-9
+    assert high > shown
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"times": {}}, "at least one time"),
+        ({"before": 0.0}, "at least one time and a positive span"),
+        ({"times": {"never": 1e6}}, "cannot show the times"),
+    ],
+)
+def test_bad_requests_are_refused(runs: list[RunResult], options: dict[str, object], message: str) -> None:
+    with pytest.raises(InvtrackError, match=message):
+        around_figure(runs, **{"times": TIMES, "before": 0.2, "after": 0.2, **options})  # type: ignore[arg-type]

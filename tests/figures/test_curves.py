@@ -1,0 +1,123 @@
+"""Curves of one's own: what is drawn is what was given, and what does not fit is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from invtrack.errors import InvtrackError
+from invtrack.figures import Decay, decay_figure, frequency_response_figure, overlay_figure, sweep_figure
+from tests.figures.drawn import legend_entries, points
+
+ComplexArray = NDArray[np.complex128]
+
+TIME = np.linspace(1.0, 9.0, 801)
+
+
+def test_overlaid_curves_keep_their_look_and_limits_are_drawn() -> None:
+    times = np.linspace(0.0, 10.0, 101)
+    panels = [
+        ("angle [rad]", {"wanted": (times, times), "exact": (times, 2 * times)}),
+        ("motor [1]", {"exact": (times, np.sin(times))}),
+    ]
+    figure = overlay_figure("t", panels=panels, wanted="wanted", window=(2.0, 4.0), limits={"motor [1]": (-0.5, 0.5)})
+    upper, lower = figure.axes
+    wanted, exact = upper.lines
+    assert wanted.get_zorder() > exact.get_zorder()
+    assert exact.get_color() == lower.lines[0].get_color() != wanted.get_color()
+    shown = np.asarray(exact.get_xdata(), dtype=float)
+    assert 1.9 <= shown[0] <= 2.0
+    assert 4.0 <= shown[-1] <= 4.1 + 1e-9
+    assert [line.get_ydata()[0] for line in lower.lines[1:]] == [-0.5, 0.5]  # type: ignore[index]
+    assert lower.get_xlabel() == "time [s]"
+    assert legend_entries(figure) == ["wanted", "exact", "limit"]
+
+
+def test_overlays_that_do_not_fit_are_refused() -> None:
+    times = np.arange(3.0)
+    with pytest.raises(InvtrackError, match="curve 'a' of u has 2 values at 3 times"):
+        overlay_figure("t", panels=[("u", {"a": (times, times[:2])})])
+    with pytest.raises(InvtrackError, match="panel 'u' has no curve"):
+        overlay_figure("t", panels=[("u", {})])
+    with pytest.raises(InvtrackError, match=r"limits of the panels \['u'\], got \['v'\]"):
+        overlay_figure("t", panels=[("u", {"a": (times, times)})], limits={"v": (-1.0, 1.0)})
+
+
+def test_frequency_response_of_a_double_lag() -> None:
+    w = np.geomspace(0.01, 100.0, 401)
+    figure = frequency_response_figure("t", w=w, curves={"lag": 1 / (1 + 1j * w) ** 2}, magnitude="|G| [1]")
+    upper, lower = figure.axes
+    assert (upper.get_ylabel(), lower.get_ylabel(), lower.get_xlabel()) == ("|G| [1]", "phase [degrees]", "frequency [rad/s]")
+    np.testing.assert_allclose(np.asarray(upper.lines[0].get_ydata(), dtype=float), 1 / (1 + w**2))
+    np.testing.assert_allclose(np.asarray(lower.lines[0].get_ydata(), dtype=float), -2 * np.degrees(np.arctan(w)))
+    assert lower.get_yticks()[1:-1].tolist() == [-180.0, -135.0, -90.0, -45.0, 0.0]  # parts of a turn
+    assert len(frequency_response_figure("t", w=w, curves={"a": w + 0j}, magnitude="|G| [1]", phase=False).axes) == 1
+
+
+@pytest.mark.parametrize(("response", "lowest"), [(lambda s: s, 90), (lambda s: 1 / s, -90), (lambda s: 1 / s**2, -180)])
+def test_where_the_phase_begins(response: Callable[[ComplexArray], ComplexArray], lowest: float) -> None:
+    """Whichever way rounding turns it: a pair of integrators lags."""
+    w = np.geomspace(0.01, 100.0, 41)
+    for turn in (1 + 1e-15j, 1 - 1e-15j):
+        figure = frequency_response_figure("t", w=w, curves={"a": turn * response(1j * w)}, magnitude="|G| [1]")
+        np.testing.assert_allclose(np.asarray(figure.axes[1].lines[0].get_ydata(), dtype=float), lowest, atol=1e-9)
+
+
+def test_frequencies_that_make_no_sense_are_refused() -> None:
+    for w in (np.array([0.0, 1.0]), np.array([2.0, 1.0]), np.array([1.0])):
+        with pytest.raises(InvtrackError, match="two or more positive frequencies that increase"):
+            frequency_response_figure("t", w=w, curves={"a": w + 0j}, magnitude="|G| [1]")
+    with pytest.raises(InvtrackError, match=r"curve 'a' has shape \(1,\)"):
+        frequency_response_figure("t", w=np.array([1.0, 2.0]), curves={"a": np.ones(1, complex)}, magnitude="|G| [1]")
+
+
+def test_a_sweep_has_a_line_and_markers_of_one_colour_for_each_curve() -> None:
+    values = [1.0, 2.0, 4.0]
+    curves = {"change": [0.3, 0.2, 0.1], "input": [0.9, 0.7, 0.4]}
+    measured = {"change": [0.31, 0.21, 0.11]}
+    figure = sweep_figure("t", label="duration [s]", values=values, predicted=curves, measured=measured, quantity="share [1]")
+    (axes,) = figure.axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("duration [s]", "share [1]")
+    line, markers, other = axes.lines
+    assert line.get_color() == markers.get_color() != other.get_color()
+    assert (line.get_linestyle(), markers.get_linestyle(), markers.get_marker()) == ("-", "None", "o")
+    for drawn, expected in ((line, curves["change"]), (markers, measured["change"]), (other, curves["input"])):
+        assert [side.tolist() for side in points(drawn)] == [values, expected]
+    assert legend_entries(axes) == ["change, predicted", "change, measured", "input, predicted"]
+
+
+def test_sweeps_of_another_length_are_refused() -> None:
+    with pytest.raises(InvtrackError, match=r"curve 'change' has 2 points for 1 values of duration \[s\]"):
+        sweep_figure("t", label="duration [s]", values=[1.0], predicted={"change": [1.0, 2.0]}, measured={}, quantity="share [1]")
+
+
+def test_the_exponential_touches_the_error_from_above() -> None:
+    values = np.exp(-0.7 * TIME) * np.cos(5 * TIME) + np.exp(-4 * TIME)
+    expected = Decay("error [m]", TIME, values, rate=0.7).expected()
+    late = TIME >= 5.0
+    assert np.all(expected[late] >= np.abs(values)[late] * (1 - 1e-12))
+    assert np.min(expected[late] / np.abs(values)[late]) == pytest.approx(1.0)
+    assert np.polyfit(TIME, np.log(expected), 1)[0] == pytest.approx(-0.7)
+
+
+def test_a_panel_for_each_error_with_its_unit_and_rate() -> None:
+    decays = [Decay("estimate [1]", TIME, -np.exp(-3 * TIME), 3.0), Decay("output [m]", TIME, np.exp(-0.1 * TIME), 0.1)]
+    figure = decay_figure("decay", decays)
+    for axes, decay in zip(figure.axes, decays, strict=True):
+        assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()) == ("time [s]", decay.label, "log")
+        assert legend_entries(axes) == ["error", f"exp(-{decay.rate:g} t)"]
+        error, exponential = axes.get_lines()
+        np.testing.assert_array_equal(points(error)[1], np.abs(decay.values))
+        np.testing.assert_array_equal(points(exponential)[1], decay.expected())
+
+
+@pytest.mark.parametrize(
+    ("decays", "message"),
+    [([], "at least one error"), ([Decay("output [m]", TIME, TIME[1:], 1.0)], "801 times and 800 values, expected two or more")],
+)
+def test_decays_that_cannot_be_drawn_are_refused(decays: list[Decay], message: str) -> None:
+    with pytest.raises(InvtrackError, match=message):
+        decay_figure("decay", decays)
