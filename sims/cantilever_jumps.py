@@ -9,19 +9,15 @@ initial state.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 import invtrack
-from invtrack.figures import comparison_figure, preactuation_figure, save_figure, tracking_figure
-from invtrack.studies.folder import RunFolder
-from invtrack.studies.options import SimOptions, run_sim
-from invtrack.studies.progress import progress
-from invtrack.studies.table import Column, print_table
+from invtrack.figures import comparison_figure, preactuation_figure, tracking_figure
+from invtrack.studies import Case, Column, Session, Setup, Study, StudyOptions, Table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]
 JUMPS = (np.pi / 2, 3 * np.pi / 2)  # [s]
@@ -39,18 +35,7 @@ COLUMNS = (
 )
 
 
-@dataclass(frozen=True)
-class Case:
-    """A controller, and the changes of the tip mass that really happen; None: those that its plan knows."""
-
-    name: str
-    controller: invtrack.TrackingController
-    schedule: Sequence[invtrack.Change] | None = None
-    evaluate: Literal["held", "stages"] = "held"
-
-
-def main(options: SimOptions) -> None:
-    folder = RunFolder(options.out)
+def build(options: StudyOptions) -> Setup:
     plant = invtrack.Plant.from_xml(
         invtrack.model_path("cantilever"),
         inputs=["base_force"],
@@ -58,45 +43,40 @@ def main(options: SimOptions) -> None:
         parameters={"tip_mass": invtrack.BodyMass("tip", inertia="fixed")},
     )
     model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=mass) for mass in MASSES], JUMPS)
-    reference = invtrack.raised_cosine(2.0)
-    plan = invtrack.invert(model, reference, tolerance=1e-11)
-    runs = [_run(plant, case, options.timestep) for case in _cases(model, reference, plan)]
-    slope_runs = [
-        _run(plant, _cases(model, reference, plan)[0], factor * options.timestep, f"error slope, step x {factor}")
-        for factor in (2, 4)
-    ]
-    cases = {run.name: _numbers(run) for run in runs}
-    _report(plan, cases, [runs[0], *slope_runs])
-    for run in runs:
-        invtrack.save_recording(run.thinned(options.record_every), folder.file(f"{run.name}.rrd"))
-    if options.figures:
-        _draw(runs, folder)
-    folder.write_summary(
-        sim="cantilever_jumps",
-        model=plant.name,
-        timestep=options.timestep,
-        cases=cases,
-        plan=_plan_numbers(plan),
-        error_slope=[{"timestep": run.timestep, "max_error": invtrack.max_error(run)} for run in (runs[0], *slope_runs)],
-    )
-    print(
-        f"written to {folder.path}: summary.json, a recording (.rrd) of each case" + (", figures (.png)" if options.figures else "")
+    plan = invtrack.invert(model, invtrack.raised_cosine(2.0), tolerance=1e-11)
+    cases = _cases(plant, model, plan)
+    return Setup(
+        cases,
+        sections={"plan": _plan_numbers(plan), "error_slope": partial(_error_slope, cases[0], options.timestep)},
+        figures={
+            "preactuation": lambda done: preactuation_figure(done["inversion"]),
+            "comparison": lambda done: comparison_figure(done.among(), window=(-10.0, 20.0)),
+        },
+        report=[
+            Table("Cantilever with tip-mass jumps, tracking from rest in MuJoCo", COLUMNS),
+            _explanation(plan),
+            lambda done: _slope_text(done.section("error_slope")),
+        ],
     )
 
 
-def _cases(model: invtrack.SwitchedSystem, reference: invtrack.PiecewiseSignal, plan: invtrack.Plan) -> list[Case]:
+def _cases(plant: invtrack.Plant, model: invtrack.SwitchedSystem, plan: invtrack.Plan) -> list[Case]:
     gains = invtrack.lqr(model, Q=100.0, R=0.01)
     exact = invtrack.TrackingController(plan, gains)
-    frozen = invtrack.TrackingController(invtrack.invert(model.systems[0], reference, tolerance=plan.tolerance), gains)
-    static = invtrack.TrackingController(invtrack.inversion.steady_state_feedforward(model, reference), gains)
+    frozen = invtrack.TrackingController(invtrack.invert(model.systems[0], plan.reference, tolerance=plan.tolerance), gains)
+    static = invtrack.TrackingController(invtrack.inversion.steady_state_feedforward(model, plan.reference), gains)
+
+    def case(name: str, controller: invtrack.TrackingController, **settings: Any) -> Case:
+        return Case(name, plant, controller, settings=settings, numbers=_numbers, figures={"tracking": tracking_figure})
+
     return [
-        Case("inversion", exact),
-        Case("inversion_continuous", exact, evaluate="stages"),
-        Case("feedforward_only", invtrack.TrackingController(plan)),
-        Case("feedback_only", static),
-        Case("frozen_inversion", frozen, _schedule()),
-        Case("payload_error", exact, _schedule(factor=1.05)),
-        Case("late_switch", exact, _schedule(delay=0.05)),
+        case("inversion", exact),
+        case("inversion_continuous", exact, evaluate="stages"),
+        case("feedforward_only", invtrack.TrackingController(plan)),
+        case("feedback_only", static),
+        case("frozen_inversion", frozen, schedule=_schedule()),
+        case("payload_error", exact, schedule=_schedule(factor=1.05)),
+        case("late_switch", exact, schedule=_schedule(delay=0.05)),
     ]
 
 
@@ -104,26 +84,23 @@ def _schedule(*, factor: float = 1.0, delay: float = 0.0) -> list[invtrack.Chang
     return [invtrack.Change(t + delay, tip_mass=factor * mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)]
 
 
-def _run(plant: invtrack.Plant, case: Case, timestep: float, description: str | None = None) -> invtrack.RunResult:
-    with progress(description or case.name) as report:
-        return invtrack.simulate(
-            plant,
-            case.controller,
-            schedule=case.schedule,
-            timestep=timestep,
-            evaluate=case.evaluate,
-            name=case.name,
-            progress=report,
-        )
-
-
 def _numbers(run: invtrack.RunResult) -> dict[str, Any]:
     """Metrics of one case; vibrations of the flexible coordinates are measured against their planned motion."""
-    numbers: dict[str, Any] = {**invtrack.metrics(run), "start": float(run.time[0]), "status": run.status}
-    completed = run.status == "completed"
-    vibration = invtrack.results.state_vibration(run, FLEXIBLE) if completed else dict.fromkeys(FLEXIBLE)
-    numbers.update({f"{name}_vibration": value for name, value in vibration.items()})
-    return numbers
+    vibration = invtrack.results.state_vibration(run, FLEXIBLE)
+    return {
+        **invtrack.metrics(run),
+        "start": float(run.time[0]),
+        **{f"{name}_vibration": value for name, value in vibration.items()},
+    }
+
+
+def _error_slope(case: Case, timestep: float, done: Session) -> list[dict[str, float]]:
+    """Largest error of a case with its own step and with two larger ones."""
+    runs = [done[case.name]]
+    for factor in (2, 4):
+        settings = {**case.settings, "timestep": factor * timestep}
+        runs.append(done.simulate(case.plant, case.controller, name=f"step x {factor}", **settings))
+    return [{"timestep": run.timestep, "max_error": invtrack.max_error(run)} for run in runs]
 
 
 def _plan_numbers(plan: invtrack.Plan) -> dict[str, Any]:
@@ -141,30 +118,27 @@ def _plan_numbers(plan: invtrack.Plan) -> dict[str, Any]:
     }
 
 
-def _report(plan: invtrack.Plan, cases: dict[str, dict[str, Any]], slope_runs: Sequence[invtrack.RunResult]) -> None:
-    print_table("Cantilever with tip-mass jumps, tracking from rest in MuJoCo", columns=COLUMNS, rows=cases)
+def _explanation(plan: invtrack.Plan) -> str:
     certificate = plan.certificate
-    print(
+    return (
         f"start: the run begins at rest this long before the manoeuvre; the plan is then within {plan.tolerance:.0e} of each\n"
         "peak of rest. preactuation time: how long |u| stays above 1 % of its peak before the manoeuvre. Vibrations: peak to\n"
         "peak over 5 periods of the slowest flexible mode after the manoeuvre; deflection and rotation against their plan.\n"
         f"plan: dynamics residual {certificate.dynamics_residual:.1e}, output error {certificate.output_error:.1e} (relative)."
     )
-    steps, errors = zip(*((run.timestep, invtrack.max_error(run)) for run in slope_runs), strict=True)
-    slopes = [np.log(b[1] / a[1]) / np.log(b[0] / a[0]) for a, b in pairwise(zip(steps, errors, strict=True))]
-    print(
+
+
+def _slope_text(points: Sequence[dict[str, float]]) -> str:
+    steps, errors = [point["timestep"] for point in points], [point["max_error"] for point in points]
+    slopes = [np.log(b / a) / np.log(h_b / h_a) for (h_a, a), (h_b, b) in pairwise(zip(steps, errors, strict=True))]
+    return (
         "error of the inversion case over the step: "
         + ", ".join(f"{error:.2e} m at {1e3 * step:g} ms" for step, error in zip(steps, errors, strict=True))
         + f" (slope {', '.join(f'{slope:.2f}' for slope in slopes)})"
     )
 
 
-def _draw(runs: Sequence[invtrack.RunResult], folder: RunFolder) -> None:
-    for run in runs:
-        save_figure(tracking_figure(run), folder.file(f"tracking_{run.name}.png"))
-    save_figure(preactuation_figure(runs[0]), folder.file("preactuation.png"))
-    save_figure(comparison_figure(runs, window=(-10.0, 20.0)), folder.file("comparison.png"))
-
+STUDY = Study("cantilever_jumps", build, description=__doc__, defaults=StudyOptions(timestep=1e-3))
 
 if __name__ == "__main__":
-    run_sim(main, defaults=SimOptions(out=Path("runs/cantilever_jumps"), timestep=1e-3), description=__doc__ or "")
+    STUDY.main()

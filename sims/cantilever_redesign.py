@@ -12,18 +12,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 import invtrack
 from invtrack.control import AffineLaw, Instants
-from invtrack.figures import comparison_figure, save_figure, tracking_figure
-from invtrack.studies.folder import RunFolder
-from invtrack.studies.options import SimOptions, run_sim
-from invtrack.studies.progress import progress
-from invtrack.studies.table import Column, print_table
+from invtrack.figures import comparison_figure, tracking_figure
+from invtrack.studies import Case, Column, Rows, Session, Setup, Study, StudyOptions, Table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]
 JUMPS = (np.pi / 2, 3 * np.pi / 2)  # [s]
@@ -33,7 +30,9 @@ DISTURBED = 6  # random changes of the wanted motion, each with both signs
 DISTURBANCE = 0.05  # [m]
 SEED = 1996
 WINDOW = (-10.0, 20.0)  # [s]
-COMPARED = ("redesigned", "exact_inversion", "half_input_weight", "double_input_weight")  # all planned for the same wanted motion
+OPTIMUM = "redesigned"
+DISTURBED_NAME = "disturbed"
+COMPARED = (OPTIMUM, "exact_inversion", "half_input_weight", "double_input_weight")  # all planned for the same wanted motion
 
 COLUMNS = (
     Column("cost", "s"),
@@ -68,50 +67,35 @@ class IntervalwiseController(invtrack.TrackingController):
         return AffineLaw(np.stack([law.offset for law in laws])[interval, np.arange(len(interval))], self.gains.gains, interval)
 
 
-def main(options: SimOptions) -> None:
-    folder = RunFolder(options.out)
+def build(options: StudyOptions) -> Setup:
     rig = _rig()
-    controllers = _controllers(rig)
-    best = controllers["redesigned"].plan
-    start = min(controller.plan.start for controller in controllers.values())
-    schedule = [invtrack.Change(t, tip_mass=mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)]
-    runs = []
-    for name, controller in controllers.items():
-        with progress(name) as report:
-            runs.append(
-                invtrack.simulate(
-                    rig.plant,
-                    controller,
-                    schedule=schedule,  # also where the plan was made for one mass only
-                    timestep=options.timestep,
-                    start=start,
-                    name=name,
-                    progress=report,
-                )
-            )
-    cases = {run.name: _numbers(run, rig.wanted) for run in runs}
-    for numbers in cases.values():
-        numbers["above_optimum"] = numbers["cost"] - cases["redesigned"]["cost"]
-    predicted = invtrack.redesign.cost(best, R=R, Q_y=Q_Y)
-    _report(cases, predicted)
-    shown = [run for run in runs if not run.name.startswith("disturbed")]
-    for run in shown:
-        invtrack.save_recording(run.thinned(options.record_every), folder.file(f"{run.name}.rrd"))
-    if options.figures:
-        save_figure(tracking_figure(shown[0], window=WINDOW), folder.file("tracking_redesigned.png"))
-        compared = [run for run in shown if run.name in COMPARED]
-        save_figure(comparison_figure(compared, window=WINDOW), folder.file("comparison.png"))
-    folder.write_summary(
-        sim="cantilever_redesign",
-        model=rig.plant.name,
-        timestep=options.timestep,
-        cases=cases,
-        weights={"r": R, "q_y": Q_Y},
-        predicted_cost=predicted,
-    )
-    print(
-        f"written to {folder.path}: summary.json, recordings (.rrd) of all but the disturbed cases"
-        + (", figures (.png)" if options.figures else "")
+    controllers = _controllers(rig, SEED + options.seed)
+    settings = {
+        # Also where the plan was made for one mass only.
+        "schedule": [invtrack.Change(t, tip_mass=mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)],
+        "start": min(controller.plan.start for controller in controllers.values()),
+    }
+    cases = [
+        Case(
+            name,
+            rig.plant,
+            controller,
+            settings=settings,
+            numbers=partial(_numbers, rig.wanted),
+            figures={"tracking": partial(tracking_figure, window=WINDOW)} if name == OPTIMUM else {},
+            recorded=not name.startswith(DISTURBED_NAME),
+        )
+        for name, controller in controllers.items()
+    ]
+    predicted = invtrack.redesign.cost(controllers[OPTIMUM].plan, R=R, Q_y=Q_Y)
+    return Setup(
+        cases,
+        sections={"weights": {"r": R, "q_y": Q_Y}, "predicted_cost": predicted, "above_optimum": _above_optimum},
+        figures={"comparison": lambda done: comparison_figure(done.among(COMPARED), window=WINDOW)},
+        report=[
+            Table("Cantilever with tip-mass jumps: what each way costs, measured in MuJoCo", COLUMNS, _rows),
+            partial(_text, predicted),
+        ],
     )
 
 
@@ -128,7 +112,7 @@ def _rig() -> Rig:
     return Rig(plant, model, invtrack.lqr(model, Q=Q_Y * C.T @ C, R=R), invtrack.raised_cosine(2.0))
 
 
-def _controllers(rig: Rig) -> dict[str, invtrack.TrackingController]:
+def _controllers(rig: Rig, seed: int) -> dict[str, invtrack.TrackingController]:
     """The optimum first; then all the alternatives."""
 
     def redesign(model: Any, wanted: invtrack.PiecewiseSignal, r: float = R, q_y: float = Q_Y) -> invtrack.Plan:
@@ -138,7 +122,7 @@ def _controllers(rig: Rig) -> dict[str, invtrack.TrackingController]:
     exact = invtrack.invert(rig.model, rig.wanted, tolerance=TOLERANCE)
     single = [redesign(system, rig.wanted) for system in rig.model.systems]
     plans = {
-        "redesigned": redesign(rig.model, rig.wanted),
+        OPTIMUM: redesign(rig.model, rig.wanted),
         "exact_inversion": exact,
         "scaled_inversion": invtrack.invert(rig.model, rig.wanted.scaled(_best_share(exact, staying)), tolerance=TOLERANCE),
         "not_moving": staying,
@@ -148,9 +132,9 @@ def _controllers(rig: Rig) -> dict[str, invtrack.TrackingController]:
         "half_input_weight": redesign(rig.model, rig.wanted, R / 2),
         "double_input_weight": redesign(rig.model, rig.wanted, 2 * R),
     }
-    for number, disturbance in enumerate(_disturbances(), start=1):
+    for number, disturbance in enumerate(_disturbances(seed), start=1):
         for sign, word in ((1.0, "plus"), (-1.0, "minus")):
-            plans[f"disturbed_{word}_{number}"] = redesign(rig.model, rig.wanted + disturbance.scaled(sign))
+            plans[f"{DISTURBED_NAME}_{word}_{number}"] = redesign(rig.model, rig.wanted + disturbance.scaled(sign))
     controllers = {name: invtrack.TrackingController(plan, rig.gains) for name, plan in plans.items()}
     return {**controllers, "optimal_per_interval": IntervalwiseController(single, rig.gains)}
 
@@ -161,35 +145,53 @@ def _best_share(exact: invtrack.Plan, staying: invtrack.Plan) -> float:
     return price / (price + effort)
 
 
-def _disturbances() -> list[invtrack.PiecewiseSignal]:
+def _disturbances(seed: int) -> list[invtrack.PiecewiseSignal]:
     """Smooth bumps at random times during the manoeuvre: wanted motions whose plans are feasible, and not optimal for this one."""
-    random = np.random.default_rng(SEED)
+    random = np.random.default_rng(seed)
     return [
         invtrack.raised_cosine(DISTURBANCE, period=random.uniform(1.0, 4.0), start_time=random.uniform(0.0, 5.0))
         for _ in range(DISTURBED)
     ]
 
 
-def _numbers(run: invtrack.RunResult, wanted: invtrack.PiecewiseSignal) -> dict[str, Any]:
+def _numbers(wanted: invtrack.PiecewiseSignal, run: invtrack.RunResult) -> dict[str, Any]:
     y_d = wanted(run.time)
     return {
         **invtrack.metrics(run),
         "max_error": float(np.max(np.abs(run.output.values - y_d))),  # of the motion wanted, whatever the plan was made for
         "cost": invtrack.results.run_cost(run, R=R, Q_y=Q_Y, wanted=y_d),
-        "status": run.status,
     }
 
 
-def _report(cases: dict[str, dict[str, Any]], predicted: float) -> None:
-    print_table("Cantilever with tip-mass jumps: what each way costs, measured in MuJoCo", columns=COLUMNS, rows=cases)
-    others = {name: numbers["cost"] for name, numbers in cases.items() if name != "redesigned"}
-    nearest = min(others, key=lambda name: others[name])
-    print(
+def _costs(done: Session) -> dict[str, float]:
+    """What each case cost [s]."""
+    return {run.name: done.numbers[run.name]["cost"] for run in done.among()}
+
+
+def _above_optimum(done: Session) -> dict[str, float]:
+    """What each case cost more than the optimum [s]."""
+    optimum = done.numbers_of(OPTIMUM)["cost"]
+    return {name: cost - optimum for name, cost in _costs(done).items()}
+
+
+def _rows(done: Session) -> Rows:
+    above = done.sections.get("above_optimum", {})
+    return {name: numbers and {**numbers, "above_optimum": above.get(name)} for name, numbers in done.rows().items()}
+
+
+def _text(predicted: float, done: Session) -> str:
+    costs = _costs(done)
+    optimum = done.numbers_of(OPTIMUM)["cost"]
+    others = {name: cost for name, cost in costs.items() if name != OPTIMUM}
+    nearest = min(others, key=lambda name: others[name], default=None)
+    cheapest = f", the cheapest is {nearest}, at {others[nearest]:.6f} s" if nearest else ""
+    return (
         f"cost: integral of {R:g} u^2 + {Q_Y:g} (y - wanted)^2 from rest to rest. The optimum's plan predicts {predicted:.6f} s,\n"
-        f"MuJoCo gives {cases['redesigned']['cost']:.6f} s. Of the {len(others)} alternatives the cheapest is {nearest}, at "
-        f"{others[nearest]:.6f} s."
+        f"MuJoCo gives {optimum:.6f} s. Of the {len(others)} alternatives{cheapest}."
     )
 
 
+STUDY = Study("cantilever_redesign", build, description=__doc__, defaults=StudyOptions(timestep=2e-3))
+
 if __name__ == "__main__":
-    run_sim(main, defaults=SimOptions(out=Path("runs/cantilever_redesign"), timestep=2e-3), description=__doc__ or "")
+    STUDY.main()

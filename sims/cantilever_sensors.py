@@ -8,19 +8,14 @@ and the tip's position through imperfect sensors; an observer estimates the othe
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import invtrack
 from invtrack.control import Controller
-from invtrack.figures import comparison_figure, save_figure, tracking_figure
-from invtrack.studies.folder import RunFolder
-from invtrack.studies.options import SimOptions, run_sim
-from invtrack.studies.progress import progress
-from invtrack.studies.table import Column, print_table
+from invtrack.figures import comparison_figure, tracking_figure
+from invtrack.studies import Case, Column, Rows, Session, Setup, Study, StudyOptions, Table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]
 JUMPS = (np.pi / 2, 3 * np.pi / 2)  # [s]
@@ -29,29 +24,16 @@ NOISE = 1e-3  # [m], standard deviation of one sample
 INPUT_NOISE = 0.02  # [N per root Hz], the disturbance that the Kalman filter expects
 DELAY = 0.02  # [s]
 MEASUREMENTS = ("base_position", "tip_position")
+LINEAR = "_linear"  # ends the names of cases on the linear model
 OBSERVER_POLES = (-2 + 2j, -2 - 2j, -1.5 + 1j, -1.5 - 1j, -1 + 0.5j, -1 - 0.5j)  # [rad/s]
 
-COLUMNS = (
-    Column("predicted max error", "m"),
-    Column("measured max error", "m"),
-    Column("predicted residual vibration", "m"),
-    Column("measured residual vibration", "m"),
-    Column("predicted peak input", "N"),
-    Column("measured peak input", "N"),
-)
+COMPARED = {"max_error": "m", "residual_vibration": "m", "peak_input": "N"}
+COLUMNS = [
+    Column(f"{which} {metric.replace('_', ' ')}", unit) for metric, unit in COMPARED.items() for which in ("predicted", "measured")
+]
 
 
-@dataclass(frozen=True)
-class Case:
-    """A controller and the sensors it looks through."""
-
-    name: str
-    controller: Controller
-    sensors: Mapping[str, invtrack.Sensor] = field(default_factory=dict)
-
-
-def main(options: SimOptions) -> None:
-    folder = RunFolder(options.out)
+def build(options: StudyOptions) -> Setup:
     plant = invtrack.Plant.from_xml(
         invtrack.model_path("cantilever"),
         inputs=["base_force"],
@@ -63,85 +45,69 @@ def main(options: SimOptions) -> None:
     plan = invtrack.invert(model, invtrack.raised_cosine(2.0), tolerance=1e-8)
     lowest, highest = plan.input_range
     limits = plant.input_limits[0]
-    print(
-        f"plan: {plant.inputs.names[0]} from {lowest[0]:.1f} to {highest[0]:.1f} {plant.inputs.units[0]}; the actuator passes on "
-        f"{limits[0]:g} to {limits[1]:g}; start {-plan.start:.1f} s before the manoeuvre"
-    )
-    linear = invtrack.LinearPlant(model, input_limits=plant.input_limits)
-    cases: dict[str, dict[str, Any]] = {}
-    runs = []
-    for case in _cases(model, plan):
-        measured = _run(plant, case, options.timestep)
-        predicted = _run(linear, case, options.timestep)
-        cases[case.name] = _numbers(measured, predicted)
-        runs.append(measured)
-    print_table("Cantilever with tip-mass jumps: prediction and physics", columns=COLUMNS, rows=cases)
-    print(
-        f"controller period {1e3 * PERIOD:g} ms, observers measure {' and '.join(MEASUREMENTS)}; noise: standard deviation\n"
-        f"{NOISE:g} m of each sample; coarse: besides, digits of {NOISE:g} m and a delay of {DELAY:g} s that the controller knows."
-    )
-    for run in runs:
-        invtrack.save_recording(run.thinned(options.record_every), folder.file(f"{run.name}.rrd"))
-    if options.figures:
-        for run in runs:
-            save_figure(tracking_figure(run), folder.file(f"tracking_{run.name}.png"))
-        save_figure(comparison_figure(runs, window=(-10.0, 20.0)), folder.file("comparison.png"))
-    folder.write_summary(
-        sim="cantilever_sensors",
-        model=plant.name,
-        timestep=options.timestep,
-        cases=cases,
-        period=PERIOD,
-        noise=NOISE,
-        delay=DELAY,
-        planned_input={"lowest": lowest[0], "highest": highest[0]},
-    )
-    print(
-        f"written to {folder.path}: summary.json, a recording (.rrd) of each case" + (", figures (.png)" if options.figures else "")
+    return Setup(
+        _cases(plant, model, plan),
+        sections={
+            "period": PERIOD,
+            "noise": NOISE,
+            "delay": DELAY,
+            "planned_input": {"lowest": lowest[0], "highest": highest[0]},
+        },
+        figures={"comparison": lambda done: comparison_figure(_in_mujoco(done), window=(-10.0, 20.0))},
+        report=[
+            f"plan: {plant.inputs.names[0]} from {lowest[0]:.1f} to {highest[0]:.1f} {plant.inputs.units[0]}; the actuator passes "
+            f"on {limits[0]:g} to {limits[1]:g}; start {-plan.start:.1f} s before the manoeuvre",
+            Table("Cantilever with tip-mass jumps: prediction and physics", COLUMNS, _pairs),
+            f"controller period {1e3 * PERIOD:g} ms, observers measure {' and '.join(MEASUREMENTS)}; noise: standard\n"
+            f"deviation {NOISE:g} m of each sample; coarse: besides, digits of {NOISE:g} m and a delay of {DELAY:g} s that the\n"
+            "controller knows.",
+        ],
     )
 
 
-def _cases(model: invtrack.SwitchedSystem, plan: invtrack.Plan) -> list[Case]:
+def _cases(plant: invtrack.Plant, model: invtrack.SwitchedSystem, plan: invtrack.Plan) -> list[Case]:
+    """Each in MuJoCo and on the linear model, with the same controller and the same noise."""
     gains = invtrack.lqr(model, Q=100.0, R=0.01)
     kalman = invtrack.KalmanFilter(input_noise=INPUT_NOISE, measurement_noise=NOISE)
     placed = invtrack.LuenbergerObserver(OBSERVER_POLES)
     noisy = {name: invtrack.Sensor(noise=NOISE) for name in MEASUREMENTS}
     coarse = {name: invtrack.Sensor(noise=NOISE, quantization=NOISE, delay=DELAY) for name in MEASUREMENTS}
+    linear = invtrack.LinearPlant(model, input_limits=plant.input_limits)
 
     def with_observer(observer: Any, **settings: float) -> invtrack.OutputFeedbackController:
         return invtrack.OutputFeedbackController(plan, gains, observer, period=PERIOD, **settings)
 
+    def pair(name: str, controller: Controller, sensors: Mapping[str, invtrack.Sensor]) -> list[Case]:
+        settings = {"sensors": sensors}
+        return [
+            Case(name, plant, controller, settings=settings, figures={"tracking": tracking_figure}),
+            Case(name + LINEAR, linear, controller, settings=settings, recorded=False),
+        ]
+
     return [
-        Case("full_state", invtrack.TrackingController(plan, gains, period=PERIOD)),
-        Case("kalman_ideal_sensors", with_observer(kalman)),
-        Case("kalman_noise", with_observer(kalman), noisy),
-        Case("placed_noise", with_observer(placed), noisy),
-        Case("kalman_coarse", with_observer(kalman, measurement_delay=DELAY), coarse),
+        *pair("full_state", invtrack.TrackingController(plan, gains, period=PERIOD), {}),
+        *pair("kalman_ideal_sensors", with_observer(kalman), {}),
+        *pair("kalman_noise", with_observer(kalman), noisy),
+        *pair("placed_noise", with_observer(placed), noisy),
+        *pair("kalman_coarse", with_observer(kalman, measurement_delay=DELAY), coarse),
     ]
 
 
-def _run(plant: invtrack.Plant | invtrack.LinearPlant, case: Case, timestep: float) -> invtrack.RunResult:
-    with progress(f"{case.name}, {plant.name}") as report:
-        return invtrack.simulate(
-            plant,
-            case.controller,
-            timestep=timestep,
-            sensors=case.sensors,
-            name=case.name,
-            progress=report,
-        )
+def _in_mujoco(done: Session) -> list[invtrack.RunResult]:
+    return done.among(name for name in done.runs if not name.endswith(LINEAR))
 
 
-def _numbers(measured: invtrack.RunResult, predicted: invtrack.RunResult) -> dict[str, Any]:
-    """Metrics of the MuJoCo run under their own names, and the table's pairs."""
-    physics, theory = invtrack.metrics(measured), invtrack.metrics(predicted)
-    pairs = {
-        f"{which}_{name}": numbers[name]
-        for which, numbers in (("predicted", theory), ("measured", physics))
-        for name in ("max_error", "residual_vibration", "peak_input")
-    }
-    return {**physics, **pairs, "status": measured.status}
+def _pairs(done: Session) -> Rows:
+    """Prediction and physics of each case in one row."""
+    rows: dict[str, Any] = {}
+    for name, numbers in done.numbers.items():
+        which = "predicted" if name.endswith(LINEAR) else "measured"
+        row = rows.setdefault(name.removesuffix(LINEAR), {column.key: None for column in COLUMNS})
+        row |= {f"{which}_{metric}": numbers.get(metric, numbers["status"]) for metric in COMPARED}
+    return rows
 
+
+STUDY = Study("cantilever_sensors", build, description=__doc__, defaults=StudyOptions(timestep=1e-3))
 
 if __name__ == "__main__":
-    run_sim(main, defaults=SimOptions(out=Path("runs/cantilever_sensors"), timestep=1e-3), description=__doc__ or "")
+    STUDY.main()

@@ -10,8 +10,8 @@ plants that the paper does not have.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,17 +26,14 @@ from two_disc.remedies import (
     redesign_with_error,
     report_remedies,
 )
-from two_disc.rig import SLEW, R, peak, rig, run, twist
+from two_disc.rig import SLEW, R, peak, rig, run_settings, twist
 
 import invtrack
 from invtrack.errors import NonHyperbolicError
-from invtrack.figures import comparison_figure, save_figure, tracking_figure
+from invtrack.figures import comparison_figure, tracking_figure
 from invtrack.linear import format_zeros
 from invtrack.redesign import outcome
-from invtrack.studies.folder import RunFolder
-from invtrack.studies.options import SimOptions, run_sim
-from invtrack.studies.progress import progress
-from invtrack.studies.table import Column, print_table
+from invtrack.studies import Case, Column, Session, Setup, Study, StudyOptions, Table
 
 DURATION = 5.0  # [s]
 AT_THE_END = 5.0  # [s] of the run in which what is left is looked at
@@ -54,34 +51,36 @@ COLUMNS = (
 )
 
 
-def main(options: SimOptions) -> None:
-    folder = RunFolder(options.out)
+def build(options: StudyOptions) -> Setup:
     reference = invtrack.rest_to_rest(0.0, SLEW, DURATION)
     plants = {"identified": rig(), "passive": passive_rig()}
     models = {name: invtrack.linearize(plant) for name, plant in plants.items()}
     plans, q_y = _plans(models, reference)
-    runs = [_run(plants[_rig_of(name)], models[_rig_of(name)], plan, name, options.timestep) for name, plan in plans.items()]
-    cases = {"passive_exact": _refused(models["passive"], reference)}
-    cases |= {result.name: _numbers(result, plans[result.name]) for result in runs}
-    remedies = both_remedies(models["passive"], reference)
-    _report(models, cases, plans["passive_causal"].remarks, q_y)
-    report_remedies(remedies)
-    for result in runs:
-        invtrack.save_recording(result.thinned(options.record_every), folder.file(f"{result.name}.rrd"))
-    if options.figures:
-        _draw(runs, remedies, folder)
-    folder.write_summary(
-        sim="two_disc_preactuation",
-        model=", ".join(plant.name for plant in plants.values()),
-        timestep=options.timestep,
-        cases=cases,
-        zeros={name: _pairs(invtrack.linear.zeros(model)) for name, model in models.items()},
-        moved_to=MOVED_TO,
-        level=LEVEL,
-        redesign_with_the_same_error={"r": R, "q_x": 0.0, "q_y": q_y},
-        trade_off=remedies,
+    return Setup(
+        [_refused(plants["passive"], models["passive"], reference)]
+        + [_case(plants[_rig_of(name)], models[_rig_of(name)], name, plan) for name, plan in plans.items()],
+        sections={
+            "zeros": {name: _pairs(invtrack.linear.zeros(model)) for name, model in models.items()},
+            "moved_to": MOVED_TO,
+            "level": LEVEL,
+            "redesign_with_the_same_error": {"r": R, "q_x": 0.0, "q_y": q_y},
+            "trade_off": lambda done: both_remedies(models["passive"], reference),
+        },
+        figures={
+            **{f"comparison_{family}": partial(_comparison, family) for family in plants},
+            "trade_off": lambda done: draw_remedies(
+                f"two_disc_passive: what preactuation buys, slew of {DURATION:g} s", done.section("trade_off")
+            ),
+        },
+        report=[
+            *(f"{name} rig: zeros {format_zeros(invtrack.linear.zeros(model))} [1/s]" for name, model in models.items()),
+            Table(f"Slew by {SLEW:g} rad in {DURATION:g} s, in MuJoCo", COLUMNS),
+            _explanation(q_y),
+            _reason,
+            f"passive_causal: {'; '.join(plans['passive_causal'].remarks)}\n",
+            *report_remedies(),
+        ],
     )
-    print(f"written to {folder.path}: summary.json, recordings (.rrd)" + (", figures (.png)" if options.figures else ""))
 
 
 def _plans(
@@ -112,25 +111,29 @@ def passive_rig() -> invtrack.Plant:
     return invtrack.Plant.from_xml(path, inputs=["motor"], outputs=["disc2_angle"], units={"motor": "1"})
 
 
-def _refused(model: invtrack.StateSpace, reference: invtrack.PiecewiseSignal) -> dict[str, Any]:
-    """The case of exact inversion on the axis: no numbers, and the reason why."""
-    try:
-        invtrack.invert(model, reference)
-    except NonHyperbolicError as error:
-        return {**dict.fromkeys(column.key for column in COLUMNS), "status": "refused", "reason": str(error)}
-    raise invtrack.InvtrackError(
-        f"expected exact inversion of the passive rig to be refused, its zeros are {format_zeros(invtrack.linear.zeros(model))}"
+def _refused(plant: invtrack.Plant, model: invtrack.StateSpace, reference: invtrack.PiecewiseSignal) -> Case:
+    """Exact inversion on the axis."""
+    return Case(
+        "passive_exact",
+        plant,
+        lambda: invtrack.TrackingController(invtrack.invert(model, reference)),
+        refused_by=NonHyperbolicError,
     )
 
 
-def _run(plant: invtrack.Plant, model: invtrack.StateSpace, plan: invtrack.Plan, name: str, timestep: float) -> invtrack.RunResult:
+def _case(plant: invtrack.Plant, model: invtrack.StateSpace, name: str, plan: invtrack.Plan) -> Case:
     """In MuJoCo, the input evaluated at the stages of RK4."""
-    controller = invtrack.TrackingController(plan, invtrack.lqr(model, Q=1.0, R=1.0))
-    with progress(name) as report:
-        return run(plant, controller, name, timestep, evaluate="stages", progress=report)
+    return Case(
+        name,
+        plant,
+        invtrack.TrackingController(plan, invtrack.lqr(model, Q=1.0, R=1.0)),
+        settings={**run_settings(plan), "evaluate": "stages"},
+        numbers=partial(_numbers, plan),
+        figures={"tracking": partial(tracking_figure, window=(-5.0, 20.0))},
+    )
 
 
-def _numbers(result: invtrack.RunResult, plan: invtrack.Plan) -> dict[str, Any]:
+def _numbers(plan: invtrack.Plan, result: invtrack.RunResult) -> dict[str, Any]:
     """Metrics of one case, what its plan predicts, and what is left of error, input and twist at the end of the run."""
     late = result.time >= result.time[-1] - AT_THE_END
     return {
@@ -141,7 +144,6 @@ def _numbers(result: invtrack.RunResult, plan: invtrack.Plan) -> dict[str, Any]:
         "input_left": peak(result.applied.values[late[:-1]]),
         "twist_left": peak(twist(result.state.values[late])),
         "start": float(result.time[0]),
-        "status": result.status,
     }
 
 
@@ -149,32 +151,25 @@ def _pairs(values: np.ndarray) -> list[list[float]]:
     return [[float(value.real), float(value.imag)] for value in values]
 
 
-def _report(
-    models: Mapping[str, invtrack.StateSpace], cases: Mapping[str, Mapping[str, Any]], remarks: Sequence[str], q_y: float
-) -> None:
-    for name, model in models.items():
-        print(f"{name} rig: zeros {format_zeros(invtrack.linear.zeros(model))} [1/s]")
-    print_table(f"Slew by {SLEW:g} rad in {DURATION:g} s, in MuJoCo", columns=COLUMNS, rows=cases)
-    print(
+def _explanation(q_y: float) -> str:
+    return (
         f"preactuation: since the input first exceeds {LEVEL:.0%} of its peak. final error, input left, twist left: the largest\n"
         f"of the run's last {AT_THE_END:g} s. modified: the pair of zeros gets the real part {MOVED_TO:g} 1/s. redesigned: with\n"
         f"the papers' weights r = 1, q_x = 5000, q_y = 1; redesigned_same_error: with q_x = 0 and q_y = {q_y:.3g}, so that it\n"
         "gives up as much as modified does."
     )
-    print(f"passive_exact is refused: {cases['passive_exact']['reason']}")
-    print(f"passive_causal: {'; '.join(remarks)}\n")
 
 
-def _draw(runs: Sequence[invtrack.RunResult], remedies: list[dict[str, Any]], folder: RunFolder) -> None:
-    figures = {f"tracking_{result.name}": tracking_figure(result, window=(-5.0, 20.0)) for result in runs}
-    for family in ("identified", "passive"):
-        compared = [result for result in runs if _rig_of(result.name) == family]
-        figures[f"comparison_{family}"] = comparison_figure(compared, window=WINDOW)
-    title = f"two_disc_passive: what preactuation buys, slew of {DURATION:g} s"
-    figures["trade_off"] = draw_remedies(title, remedies)
-    for name, figure in figures.items():
-        save_figure(figure, folder.file(f"{name}.png"))
+def _reason(done: Session) -> str:
+    refused = [(name, numbers["reason"]) for name, numbers in done.numbers.items() if numbers["status"] == "refused"]
+    return "\n".join(f"{name} is refused: {reason}" for name, reason in refused)
 
+
+def _comparison(family: str, done: Session) -> object:
+    return comparison_figure(done.among(name for name in done.runs if _rig_of(name) == family), window=WINDOW)
+
+
+STUDY = Study("two_disc_preactuation", build, description=__doc__, defaults=StudyOptions(timestep=5e-3))
 
 if __name__ == "__main__":
-    run_sim(main, defaults=SimOptions(out=Path("runs/two_disc_preactuation"), timestep=5e-3), description=__doc__ or "")
+    STUDY.main()

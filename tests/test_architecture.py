@@ -33,7 +33,7 @@ ROOMS: dict[str, set[str]] = {
     "simulation": {"linear", "plans", "control", "plant", "results", "mujoco", *THEORY},
     "recording": {"results", "mujoco", "rerun"},
     "figures": {"results", "plans", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
-    "studies": {"results", "rich", "tyro"},
+    "studies": {"plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
 }
 EVERYWHERE = {"errors", "files", "checks", "channels", "numpy"}
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}

@@ -22,11 +22,14 @@ VIEWING_DISTANCE = 1.5
 SKY = (176, 190, 204)
 
 
-def make_blueprint(runs: Sequence[RunResult], scenes: Sequence[Scene | None]) -> rrb.Blueprint:
-    """3-D scene, parameters and events on the left; output, error, input and states on the right, all cases in the same plots."""
+def make_blueprint(runs: Sequence[RunResult], scenes: Sequence[Scene | None], *, shared: bool = False) -> rrb.Blueprint:
+    """3-D scene, parameters and events on the left; output, error, input and states on the right, all cases in the same plots.
+
+    shared: the layout is also that of other recordings, so it has places for what their cases may have and these do not.
+    """
     interval = shown_interval(runs)
     shares: dict[float, list[rrb.Container | rrb.View]] = {
-        3.0: _scenes(runs, scenes),
+        3.0: _scenes(runs, scenes, shared=shared),
         1.3: _parameters(runs, interval),
         1.0: [_events(runs)],
     }
@@ -34,13 +37,13 @@ def make_blueprint(runs: Sequence[RunResult], scenes: Sequence[Scene | None]) ->
         *(view for views in shares.values() for view in views), row_shares=[share for share, views in shares.items() if views]
     )
     right = [
-        _side_by_side(_outputs(runs, interval)),
+        _side_by_side(_outputs(runs, interval, shared=shared)),
         _tabs([*_errors(runs, interval, "log10_error"), *_errors(runs, interval, "error")]),
-        _side_by_side(_inputs(runs, interval)),
-        _tabs([view for run in runs for view in _states(run, interval, several=len(runs) > 1)]),
+        _side_by_side(_inputs(runs, interval, shared=shared)),
+        _tabs([view for run in runs for view in _states(run, interval, several=len(runs) > 1, shared=shared)]),
     ]
     return rrb.Blueprint(
-        rrb.Horizontal(left, rrb.Vertical(*right), column_shares=[2, 3] if any(scenes) else [1, 3]),
+        rrb.Horizontal(left, rrb.Vertical(*right), column_shares=[2, 3] if shared or any(scenes) else [1, 3]),
         rrb.TimePanel(timeline=TIME, state="collapsed", play_state="paused"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -65,13 +68,15 @@ def shown_interval(runs: Sequence[RunResult]) -> tuple[float, float]:
     return float(max(min(starts) - margin, first)), float(min(max(ends) + margin, last))
 
 
-def _scenes(runs: Sequence[RunResult], scenes: Sequence[Scene | None]) -> list[rrb.Container | rrb.View]:
-    views = [_scene(run, scene, several=len(runs) > 1) for run, scene in zip(runs, scenes, strict=True) if scene is not None]
+def _scenes(runs: Sequence[RunResult], scenes: Sequence[Scene | None], *, shared: bool) -> list[rrb.Container | rrb.View]:
+    views = [
+        _scene(run, scene, several=len(runs) > 1) for run, scene in zip(runs, scenes, strict=True) if shared or scene is not None
+    ]
     return [_tabs(views)] if views else []
 
 
-def _scene(run: RunResult, scene: Scene, *, several: bool) -> rrb.View:
-    position, target = eye(scene)
+def _scene(run: RunResult, scene: Scene | None, *, several: bool) -> rrb.View:
+    position, target = (None, None) if scene is None else eye(scene)
     return rrb.Spatial3DView(
         origin=entity_path(run.name, "scene"),
         name=f"{run.name}: {run.model}" if several else run.model,
@@ -95,7 +100,7 @@ def eye(scene: Scene) -> tuple[Array, Array]:
     return (lower + upper) / 2 + distance * np.array([0.0, -1.0, 0.2]), (lower + upper) / 2
 
 
-def _outputs(runs: Sequence[RunResult], interval: tuple[float, float]) -> list[rrb.View]:
+def _outputs(runs: Sequence[RunResult], interval: tuple[float, float], *, shared: bool) -> list[rrb.View]:
     """Output and reference; the planned output where a case plans another one; a reference that cases share is shown once."""
     views = []
     for unit in _units(runs, "output"):
@@ -104,9 +109,9 @@ def _outputs(runs: Sequence[RunResult], interval: tuple[float, float]) -> list[r
             paths.append(unit_path(run.name, "output", unit))
             if not any(_same_reference(run, earlier) for earlier in runs[:number]):
                 paths.append(unit_path(run.name, "reference", unit))
-            if not _same(run.planned_output, run.reference):
+            if shared or not _same(run.planned_output, run.reference):
                 paths.append(unit_path(run.name, "planned_output", unit))
-            if unit in run.measured.channels.units:
+            if shared or unit in run.measured.channels.units:
                 paths.append(unit_path(run.name, "measured", unit))
         paths += _event_lines(runs[0], "output", unit)
         views.append(_plot(f"Output and reference [{unit}]", paths, interval))
@@ -123,25 +128,25 @@ def _errors(runs: Sequence[RunResult], interval: tuple[float, float], name: str)
     return views
 
 
-def _inputs(runs: Sequence[RunResult], interval: tuple[float, float]) -> list[rrb.View]:
+def _inputs(runs: Sequence[RunResult], interval: tuple[float, float], *, shared: bool) -> list[rrb.View]:
     """Applied input; the commanded one where the actuator's limits changed it."""
     views = []
     for unit in _units(runs, "applied"):
         paths = [unit_path(run.name, "applied", unit) for run in runs]
-        paths += [unit_path(run.name, "commanded", unit) for run in runs if not _same(run.commanded, run.applied)]
+        paths += [unit_path(run.name, "commanded", unit) for run in runs if shared or not _same(run.commanded, run.applied)]
         paths += _event_lines(runs[0], "applied", unit)
         views.append(_plot(f"Input [{unit}]", paths, interval))
     return views
 
 
-def _states(run: RunResult, interval: tuple[float, float], *, several: bool) -> list[rrb.View]:
+def _states(run: RunResult, interval: tuple[float, float], *, several: bool, shared: bool) -> list[rrb.View]:
     """States and, where the controller wants any, their references, one plot per unit."""
     title = f"{run.name}: states" if several else "States and references"
     views = []
     for unit, channels in channels_by_unit(run.state).items():
         wanted = run.state_reference.values[:, channels]
-        names = ["state", "state_reference"] if np.any(np.isfinite(wanted)) else ["state"]
-        names += ["estimate"] if run.estimate.channels else []
+        names = ["state", "state_reference"] if shared or np.any(np.isfinite(wanted)) else ["state"]
+        names += ["estimate"] if shared or run.estimate.channels else []
         views.append(_plot(f"{title} [{unit}]", [unit_path(run.name, name, unit) for name in names], interval))
     return views
 

@@ -5,7 +5,8 @@
     /<case>/<signal>/[<unit>]           float64, one row per sample: the channels of one signal that share a unit
     /<case>/error, log10_error, events, event_lines, scene    to look at, never read back
 
-Rows stand on two timelines: `step`, the number of the sample, and `time`, a duration rounded to nanoseconds for people.
+A recording that shares its layout with those of other cases has SHARED_ROOT in the place of <case>. Rows stand on two timelines:
+`step`, the number of the sample, and `time`, a duration rounded to nanoseconds for people.
 """
 
 from __future__ import annotations
@@ -19,11 +20,14 @@ from numpy.typing import NDArray
 
 from invtrack.results.result import Array, RunResult, Signal
 
-FORMAT = 1
+FORMAT = 2
 """Number of this layout, written into every recording; a reader refuses numbers that it does not know."""
 
 ARCHETYPE = "invtrack"
 """Rerun archetype under which the fields stand that no Rerun archetype has: metadata, mjb, qpos."""
+
+SHARED_ROOT = "case"
+"""What a recording's only case stands under where recordings of several cases share one layout."""
 
 STEP, TIME = "step", "time"
 

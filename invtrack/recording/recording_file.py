@@ -8,6 +8,7 @@ import uuid
 import warnings
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,18 @@ from invtrack.channels import Channels
 from invtrack.errors import RecordingError
 from invtrack.files import replaced_when_complete
 from invtrack.recording.blueprint import make_blueprint
-from invtrack.recording.layout import ARCHETYPE, FORMAT, HELD, SAMPLED, STEP, channels_by_unit, entity_path, time_columns, unit_path
+from invtrack.recording.layout import (
+    ARCHETYPE,
+    FORMAT,
+    HELD,
+    SAMPLED,
+    SHARED_ROOT,
+    STEP,
+    channels_by_unit,
+    entity_path,
+    time_columns,
+    unit_path,
+)
 from invtrack.recording.scene import Scene, make_scene, send_scene
 from invtrack.recording.series import send_series
 from invtrack.results.result import Array, Event, RunResult, Signal
@@ -29,23 +41,25 @@ from invtrack.results.result import Array, Event, RunResult, Signal
 METADATA, MJB, QPOS, SCALARS = f"{ARCHETYPE}:metadata", f"{ARCHETYPE}:mjb", f"{ARCHETYPE}:qpos", "Scalars:scalars"
 
 
-def save_recording(results: RunResult | Sequence[RunResult], path: str | Path) -> Path:
+def save_recording(results: RunResult | Sequence[RunResult], path: str | Path, *, application: str = "") -> Path:
     """Write one Rerun recording (.rrd) with one or several cases and return its path.
 
     Every array is kept in float64, so that `load_recording(path)[case].equals(result)` holds bit for bit. Beside them stand what
     people look at: the 3-D scene of each case that has a MuJoCo model (float32, about 60 frames per second of simulated time), the
     tracking error, the events, and a layout of views. Open it with `rerun <path>`.
 
-    The file appears under its name only once it is complete; missing folders above it are made.
+    application: name that recordings of one case each share, such as the cases of a study. Opened together, `rerun <folder>/*.rrd`,
+    they then show in one layout, in which every case has the same place. The file appears under its name only once it is
+    complete; missing folders above it are made.
 
-    Raises RecordingError where there is no case, two cases share a name, the arrays of a case or its model and positions do not fit
-    together, the path does not end in .rrd, or the file cannot be written.
+    Raises RecordingError where there is no case, an application is given for several cases, two cases share a name, the arrays of a
+    case or its model and positions do not fit together, the path does not end in .rrd, or the file cannot be written.
     """
     runs = list(results) if isinstance(results, Sequence) else [results]
     strange = [type(run).__name__ for run in runs if not isinstance(run, RunResult)]
     if strange:
         raise RecordingError(f"expected results of runs, as invtrack.simulate returns them, got {', '.join(strange)}")
-    _check(runs)
+    _check(runs, application)
     target = Path(path)
     if target.suffix != ".rrd":
         raise RecordingError(f"expected a path that ends in .rrd, by which the Rerun viewer knows recordings; got {target}")
@@ -53,21 +67,22 @@ def save_recording(results: RunResult | Sequence[RunResult], path: str | Path) -
     with replaced_when_complete(target) as draft:
         target.parent.mkdir(parents=True, exist_ok=True)
         draft.touch()  # Rerun opens the file in the background, so find out here whether it can be written
-        _write(runs, scenes, draft, title=target.stem)
+        _write(runs, scenes, draft, title=target.stem, application=application)
     return target
 
 
-def _write(runs: list[RunResult], scenes: list[Scene | None], path: Path, *, title: str) -> None:
-    recording = rr.RecordingStream(_application_id(runs), recording_id=uuid.uuid4())
+def _write(runs: list[RunResult], scenes: list[Scene | None], path: Path, *, title: str, application: str) -> None:
+    recording = rr.RecordingStream(f"invtrack {application}" if application else _application_id(runs), recording_id=uuid.uuid4())
+    shown = [replace(run, name=SHARED_ROOT) for run in runs] if application else runs
     try:
-        recording.save(path, default_blueprint=make_blueprint(runs, scenes))
+        recording.save(path, default_blueprint=make_blueprint(shown, scenes, shared=bool(application)))
         recording.send_recording_name(title)
-        for number, (run, scene) in enumerate(zip(runs, scenes, strict=True)):
+        for number, (run, placed, scene) in enumerate(zip(runs, shown, scenes, strict=True)):
             prefix = f"{run.name}: " if len(runs) > 1 else ""
-            _send_run(recording, run, number)
-            send_series(recording, run, number=number, prefix=prefix)
+            _send_run(recording, placed, number, name=run.name)
+            send_series(recording, placed, number=number, prefix=prefix)
             if scene is not None:
-                send_scene(recording, run, scene)
+                send_scene(recording, placed, scene)
     finally:
         recording.disconnect()  # writes the footer
     try:
@@ -86,9 +101,9 @@ def _application_id(runs: list[RunResult]) -> str:
     return f"invtrack {runs[0].model} {digest}"
 
 
-def _send_run(recording: rr.RecordingStream, run: RunResult, number: int) -> None:
-    """Send what is no time series, and the generalized positions."""
-    components: dict[str, Any] = {"metadata": json.dumps(metadata(run, number))}
+def _send_run(recording: rr.RecordingStream, run: RunResult, number: int, *, name: str) -> None:
+    """Send what is no time series, and the generalized positions; name: of the case, which stands under `run.name`."""
+    components: dict[str, Any] = {"metadata": json.dumps({**metadata(run, number), "name": name, "root": run.name})}
     if run.mjb:
         components["mjb"] = np.frombuffer(run.mjb, dtype=np.uint8)
     recording.log(entity_path(run.name, "run"), rr.DynamicArchetype(ARCHETYPE, components=components), static=True, strict=True)
@@ -129,8 +144,10 @@ def metadata(run: RunResult, number: int) -> dict[str, Any]:
     }
 
 
-def _check(runs: list[RunResult]) -> None:
+def _check(runs: list[RunResult], application: str) -> None:
     names = [run.name for run in runs]
+    if application and len(runs) != 1:
+        raise RecordingError(f"expected one case for a recording that shares its layout with others, got {len(runs)}: {names}")
     if not runs:
         raise RecordingError("expected at least one run to record, got none")
     if len(set(names)) != len(names) or "" in names:
@@ -186,7 +203,7 @@ def _chunks(path: Path) -> dict[str, list[Chunk]]:
 
 
 def _run(header: dict[str, Any], chunks: dict[str, list[Chunk]], source: str | Path) -> RunResult:
-    case = header["name"]
+    case = header["root"]
 
     def rows(path: str, shape: tuple[int, int], field: str = SCALARS) -> Array:
         return _matrix(chunks.get(path, []), field, shape, f"{path} in {source}")
@@ -201,7 +218,7 @@ def _run(header: dict[str, Any], chunks: dict[str, list[Chunk]], source: str | P
 
     models = [chunk for chunk in chunks[entity_path(case, "run")] if MJB in _fields(chunk)]
     return RunResult(
-        name=case,
+        name=header["name"],
         model=header["model"],
         time=rows(entity_path(case, "time"), (header["samples"], 1))[:, 0],
         **{name: signal(name) for name in SAMPLED + HELD},

@@ -1,82 +1,79 @@
-"""The command line that every sim shares, and the way a sim ends."""
+"""The options that every study takes on its command line."""
 
 from __future__ import annotations
 
 import math
-import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any
 
 import tyro
 
-from invtrack.errors import InvtrackError, SimulationError
+from invtrack.errors import SimulationError
 
-FAILED = 1
-INTERRUPTED = 130  # 128 + SIGINT, as shells report it
+# One flag, --quiet, instead of the pair that a bool would give.
+_Flag = tyro.conf.FlagCreatePairsOff[bool]
+_OffByDefault = tyro.conf.arg(help_behavior_hint="(default: off)")
+_Figures = Annotated[_Flag, tyro.conf.arg(help="Draw no figures.", help_behavior_hint="(default: figures are drawn)")]
 
-# One flag, --no-figures, instead of the pair that a bool would give.
-_Figures = Annotated[
-    tyro.conf.FlagCreatePairsOff[bool],
-    tyro.conf.arg(help="Draw no figures.", help_behavior_hint="(default: figures are drawn)"),
+
+def _folder(words: Sequence[str]) -> Path:
+    # Path("") is the current directory, which nobody means who writes --out "$UNSET".
+    if not words[0].strip():
+        raise ValueError("expected a folder such as runs/trial, got an empty name")
+    return Path(words[0])
+
+
+_Folder = Annotated[
+    Path | None,
+    tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="DIR",
+        instance_from_str=_folder,
+        is_instance=lambda value: value is None or isinstance(value, Path),
+        str_from_instance=lambda value: [str(value)],
+    ),
 ]
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimOptions:
-    """Options of every sim. A sim with more options of its own derives from this class."""
+class StudyOptions:
+    """Options of every study. A study with more options of its own derives from this class, with a docstring under each."""
 
-    out: Path
-    """Directory for summary.json, recordings and figures; made if it is not there."""
+    out: _Folder = None
+    """Folder for summary.json, recordings and figures; made if it is not there, emptied of an earlier study's files."""
 
-    timestep: float
+    timestep: float = 1e-3
     """Largest physics step [s]."""
 
-    record_every: int = 10
-    """The recording keeps every so many samples; 1 keeps all (metrics and figures always use all)."""
+    case: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME")] = ()
+    """Run only this case, or sweep of further points; may be given several times."""
+
+    seed: int = 0
+    """Seed of everything random, such as the sensors' noise."""
+
+    json: Annotated[_Flag, _OffByDefault] = False
+    """Print the summary as JSON in place of tables and text."""
+
+    quiet: Annotated[_Flag, _OffByDefault] = False
+    """Print no tables, no text and no progress."""
 
     figures: _Figures = True
     """Whether to draw figures."""
 
+    record_every: int = 10
+    """The recordings keep every so many samples; 1 keeps all (metrics and figures always use all)."""
+
     def __post_init__(self) -> None:
-        if self.record_every < 1:
-            raise SimulationError(f"--record-every: expected a whole number from 1 on, got {self.record_every}")
         if not (math.isfinite(self.timestep) and self.timestep > 0):
             raise SimulationError(f"--timestep: expected a positive, finite number of seconds such as 1e-3, got {self.timestep}")
+        if self.seed < 0:
+            raise SimulationError(f"--seed: expected a whole number from 0 on, got {self.seed}")
+        if self.record_every < 1:
+            raise SimulationError(f"--record-every: expected a whole number from 1 on, got {self.record_every}")
 
-
-Options = TypeVar("Options", bound=SimOptions)
-
-
-def run_sim(
-    main: Callable[[Options], object], *, defaults: Options, description: str = "", args: Sequence[str] | None = None
-) -> None:
-    """Read the command line, call main(options), and end the program with one readable line where that fails.
-
-    `defaults` holds the sim's own defaults and, by its type, the options that there are:
-
-        run_sim(main, defaults=SimOptions(out=Path("runs/cantilever_jumps"), timestep=1e-3), description=__doc__)
-
-    `args` are the command line's words, those of the process unless given. Raises SystemExit with status 0 for --help, 2 for
-    options that cannot be used, 1 where the sim raises InvtrackError or a file cannot be used, 130 where it is interrupted. Any
-    other exception is a defect and keeps its traceback.
-    """
-    try:
-        main(_parse(defaults, description, args))
-    except InvtrackError as error:
-        _leave(str(error), FAILED)
-    except KeyboardInterrupt:
-        _leave("interrupted", INTERRUPTED)
-    except OSError as error:
-        name = f"{error.filename}: " if error.filename else ""
-        _leave(f"{name}{error.strerror or error}", FAILED)
-
-
-def _parse(defaults: Options, description: str, args: Sequence[str] | None) -> Options:
-    return tyro.cli(type(defaults), default=defaults, description=description, args=args)
-
-
-def _leave(message: str, status: int) -> None:
-    print(f"{Path(sys.argv[0]).stem}: {message}", file=sys.stderr)
-    raise SystemExit(status)
+    def that_matter(self) -> dict[str, Any]:
+        """The options that change a study's numbers, those of a derived class among them, by name."""
+        elsewhere = {field.name for field in fields(StudyOptions)} - {"timestep", "seed"}
+        return {field.name: getattr(self, field.name) for field in fields(self) if field.name not in elsewhere}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from rich.console import Console
 from rich.text import Text
@@ -12,7 +13,8 @@ from rich.text import Text
 from invtrack.errors import InvtrackError
 
 Cell = float | int | str | None
-Rows = Mapping[str, Mapping[str, Cell]]
+Rows = Mapping[str, Mapping[str, Any] | None]
+"""Cells by the key of their column, by row; other keys are not shown. A row that is None has nothing to show."""
 
 GAP = "  "
 
@@ -37,8 +39,9 @@ def print_table(
 ) -> None:
     """Print one row per case and one column per quantity, units in the header, numbers to three significant digits.
 
-    A value that is None, not defined, prints as a dash. Where the output is too narrow, the columns that do not fit follow below
-    with the cases repeated: no number is ever cut off. No control codes are written unless the output is a terminal.
+    A value that is None, not defined, prints as a dash, and so does all of a row that is None. Where the output is too narrow, the
+    columns that do not fit follow below with the cases repeated: no number is ever cut off. No control codes are written unless the
+    output is a terminal.
 
     Raises InvtrackError where a row has no value for a column.
     """
@@ -84,9 +87,9 @@ def _header_lines(column: Column) -> list[str]:
 def _cells(column: Column, rows: Rows) -> list[str]:
     cells = []
     for case, row in rows.items():
-        if column.key not in row:
+        if row is not None and column.key not in row:
             raise InvtrackError(f"row {case!r} has no value {column.key!r}; it has: {', '.join(row) or 'none'}")
-        value = row[column.key]
+        value: Cell = None if row is None else row[column.key]
         cells.append(short_number(value) if isinstance(value, float) else "-" if value is None else str(value))
     return cells
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from hover.aircraft import ATTITUDES, INPUTS, OUTPUTS, channel
@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 import invtrack
 from invtrack.figures import Line, overlay_figure
+from invtrack.studies import Session
 
 SAMPLES = 8001
 BEFORE, AFTER = 8.0, 10.0  # [s] shown around the manoeuvre
@@ -19,24 +20,31 @@ UNITS = {"U": "m/s", "W": "m/s", "V": "m/s", "R": "rad/s"}
 MOTIONS = {"U": "forward", "W": "downward", "V": "lateral", "R": "yaw rate"}
 
 Plans = Mapping[str, invtrack.Plan]
+Runs = Mapping[str, invtrack.RunResult]
 Panels = list[tuple[str, dict[str, Line]]]
 
 
-def papers_figures(plans: Plans, runs: Mapping[str, invtrack.RunResult]) -> dict[str, Figure]:
-    """By file name; plans and runs (in MuJoCo) of the cases by name."""
+def papers_figures(plans: Plans) -> dict[str, Callable[[Session], Figure]]:
+    """By file name; the session's runs in MuJoCo have the plans' names."""
     T_i, T_f = next(iter(plans.values())).manoeuvre
     wanted, near, long = (T_i - 1.0, T_f + 1.0), (T_i - BEFORE, T_f + AFTER), (T_i - LONG_BEFORE, T_f)
+
+    def runs(done: Session) -> Runs:
+        return {run.name: run for run in done.among(plans)}
+
     return {
-        "figure_2_desired_velocities": _figure("desired velocities", _desired(plans, 0), wanted),
-        "figure_3_desired_accelerations": _figure("desired accelerations", _desired(plans, 1), wanted),
-        "figure_4_lateral_and_vertical_velocity": _figure("lateral and vertical velocity", _outputs("VW", plans, runs), wanted),
-        "figure_5_forward_velocity_and_yaw_rate": _figure(
-            "forward velocity and yaw rate (desired: zero)", _outputs("UR", plans, runs), near
+        "figure_2_desired_velocities": lambda done: _figure("desired velocities", _desired(plans, 0), wanted),
+        "figure_3_desired_accelerations": lambda done: _figure("desired accelerations", _desired(plans, 1), wanted),
+        "figure_4_lateral_and_vertical_velocity": lambda done: _figure(
+            "lateral and vertical velocity", _outputs("VW", plans, runs(done)), wanted
         ),
-        "figure_6_inputs": _figure("feedforward inputs", _inputs(INPUTS[:2], plans), near),
-        "figure_7_inputs": _figure("feedforward inputs", _inputs(INPUTS[2:], plans), near),
-        "figure_8_attitudes": _figure("pitch and roll", _attitudes(plans, runs), near),
-        "figure_9_preactuation": _figure("preactuation in the feedforward", _magnitudes(plans), long),
+        "figure_5_forward_velocity_and_yaw_rate": lambda done: _figure(
+            "forward velocity and yaw rate (desired: zero)", _outputs("UR", plans, runs(done)), near
+        ),
+        "figure_6_inputs": lambda done: _figure("feedforward inputs", _inputs(INPUTS[:2], plans), near),
+        "figure_7_inputs": lambda done: _figure("feedforward inputs", _inputs(INPUTS[2:], plans), near),
+        "figure_8_attitudes": lambda done: _figure("pitch and roll", _attitudes(plans, runs(done)), near),
+        "figure_9_preactuation": lambda done: _figure("preactuation in the feedforward", _magnitudes(plans), long),
     }
 
 
@@ -56,7 +64,7 @@ def _desired(plans: Plans, derivative: int) -> Panels:
     return [(f"{MOTIONS[name]} {kind} [{unit}]", {"desired": (time, wanted[:, list(OUTPUTS).index(name)])}) for name in "VW"]
 
 
-def _outputs(names: str, plans: Plans, runs: Mapping[str, invtrack.RunResult]) -> Panels:
+def _outputs(names: str, plans: Plans, runs: Runs) -> Panels:
     time = _times(plans)
     panels: Panels = []
     for name in names:
@@ -78,7 +86,7 @@ def _inputs(names: tuple[str, ...], plans: Plans) -> Panels:
     ]
 
 
-def _attitudes(plans: Plans, runs: Mapping[str, invtrack.RunResult]) -> Panels:
+def _attitudes(plans: Plans, runs: Runs) -> Panels:
     time = _times(plans)
     panels: Panels = []
     for label, name in ATTITUDES.items():

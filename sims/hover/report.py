@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from hover.aircraft import LINEAR
@@ -10,7 +11,7 @@ from hover.comparison import inverse_poles
 
 from invtrack.linear import format_zeros
 from invtrack.plans import PreactuationBound
-from invtrack.studies.table import Column, print_table
+from invtrack.studies import Column, Session, Table
 
 COLUMNS = (
     Column("max error", "SI"),
@@ -33,45 +34,65 @@ LIKENESS_COLUMNS = (
 )
 
 
-def report_results(
-    plans: Mapping[str, Any],
-    bounds: Mapping[str, PreactuationBound],
-    cases: dict[str, dict[str, Any]],
-    alike: dict[str, dict[str, float]],
-) -> None:
-    """Print both tables and what they mean."""
-    print("The helicopter is HE3 of COMPleib: the paper's aircraft, states and inputs, not its matrix, which is lost.")
-    print(f"zeros: {format_zeros(inverse_poles(plans['exact']))}")
-    print(f"poles of the modified inverse: {format_zeros(inverse_poles(plans['modified']))} [1/s]")
+def report(
+    plans: Mapping[str, Any], bounds: Mapping[str, PreactuationBound], alike: dict[str, dict[str, float]]
+) -> list[Table | str | Callable[[Session], str]]:
+    """Both tables and what they mean."""
+    return [
+        _plants(plans),
+        Table("A metre to the right and a metre down in 5 s, U, W, V [m/s] and R [rad/s]", COLUMNS),
+        Table("How alike the two plans are in the manoeuvre", LIKENESS_COLUMNS, lambda _: alike, row_header="control, attitude"),
+        _similar(alike),
+        lambda done: _errors(done, alike),
+        _meanings(bounds),
+        *(partial(_way, name) for name in plans),
+    ]
+
+
+def _plants(plans: Mapping[str, Any]) -> str:
     tried = ", ".join(f"{entry.name} {entry.integral_square_error:.3g}" for entry in plans["modified"].candidates)
-    print(f"ways of using the freedom in the modified law, by the integral of their squared error:\n  {tried};")
-    print(f"  taken: {plans['modified'].design}\n")
-    print_table("A metre to the right and a metre down in 5 s, U, W, V [m/s] and R [rad/s]", columns=COLUMNS, rows=cases)
-    print_table(
-        "How alike the two plans are in the manoeuvre", columns=LIKENESS_COLUMNS, rows=alike, row_header="control, attitude"
+    return (
+        "The helicopter is HE3 of COMPleib: the paper's aircraft, states and inputs, not its matrix, which is lost.\n"
+        f"zeros: {format_zeros(inverse_poles(plans['exact']))}\n"
+        f"poles of the modified inverse: {format_zeros(inverse_poles(plans['modified']))} [1/s]\n"
+        f"ways of using the freedom in the modified law, by the integral of their squared error:\n  {tried};\n"
+        f"  taken: {plans['modified'].design}\n"
     )
+
+
+def _similar(alike: dict[str, dict[str, float]]) -> str:
     groups: dict[bool, list[str]] = {True: [], False: []}
     for label, row in alike.items():
         groups[row["correlation"] >= ALIKE].append(label.replace("_", " "))
-    print(
+    return (
         "The paper finds its inputs and attitudes similar. Here these are (correlation of"
         f" {ALIKE:g} or more): {', '.join(groups[True])};\n"
         f"these are not, since the exact plan still swings at its zeros' frequency: {', '.join(groups[False])}.\n"
     )
-    linear, physics = cases["modified" + LINEAR], cases["modified"]
-    bounding = ", ".join(f"{bound.M:.3g} exp({bound.alpha:.5g} t) ({name})" for name, bound in bounds.items())
-    tilt = alike["roll phi"]["exact_peak"]
-    print(
+
+
+def _errors(done: Session, alike: dict[str, dict[str, float]]) -> str:
+    linear, physics = (done.numbers_of(name) for name in ("modified" + LINEAR, "modified"))
+    return (
         f"largest error of modified: {linear['predicted_max_error']:.6f} predicted, {linear['max_error']:.6f} on the linear model,"
         f" {physics['max_error']:.4f} in MuJoCo\n"
         f"(on the linear model output and prediction differ by at most {linear['difference_from_prediction']:.0e}).\n"
         "The error of exact in MuJoCo comes of the tilt: U, V, W are measured along the body's own axes, which roll by\n"
-        f"up to {tilt:.3f} rad, while those of the linear model stay level.\n"
+        f"up to {alike['roll phi']['exact_peak']:.3f} rad, while those of the linear model stay level."
+    )
+
+
+def _meanings(bounds: Mapping[str, PreactuationBound]) -> str:
+    bounding = ", ".join(f"{bound.M:.3g} exp({bound.alpha:.5g} t) ({name})" for name, bound in bounds.items())
+    return (
         "start: the run begins at rest this long before the manoeuvre. preactuation time: since |u| was last below 1 % of\n"
         "its peak; first above 1%: since it first exceeded that. residual vibration: peak to peak over 5 periods of the\n"
         "slowest flexible mode after the manoeuvre. fitted decay rate: of |u| before the manoeuvre, where the plans keep\n"
         f"|u| below {bounding}."
     )
-    for name in plans:
-        went = ", ".join(f"{distance:.3f} m {where}" for where, distance in cases[name]["displacement"].items())
-        print(f"way of the body in MuJoCo, {name}: {went}")
+
+
+def _way(name: str, done: Session) -> str:
+    displacement = done.numbers_of(name)["displacement"]
+    went = ", ".join(f"{distance:.3f} m {where}" for where, distance in displacement.items())
+    return f"way of the body in MuJoCo, {name}: {went}"

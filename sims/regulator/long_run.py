@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from regulator.rig import OBSERVER_POLES, POLES, STATE_OBSERVER, Rig, interval_errors, numbers, rig
+from regulator.rig import LONG, OBSERVER_POLES, POLES, STATE_OBSERVER, Rig, interval_errors, rig
 
 import invtrack
-from invtrack.studies.table import Column, print_table
+from invtrack.studies import Case, Column, Rows, Session, Table
 
 CYCLES = 16
 CYCLE = 2 * np.pi  # [s]
@@ -32,25 +32,24 @@ def long_rig(plant: invtrack.Plant) -> Rig:
     return rig(plant, MASSES * CYCLES, jumps, end=CYCLES * CYCLE)
 
 
-def long_run(rig: Rig, timestep: float) -> tuple[list[invtrack.RunResult], dict[str, dict[str, Any]]]:
-    """The exact map, the switched regulators, and the exact map with everything estimated, as runs and as numbers."""
+def cases(rig: Rig) -> list[Case]:
+    """The exact map, the switched regulators, and the exact map with everything estimated."""
     everything_estimated = {
         "exosystem_observer": invtrack.LuenbergerObserver(OBSERVER_POLES),
         "state_observer": STATE_OBSERVER,
     }
-    cases = {
-        "long_exact_map": rig.controller("exact_map"),
-        "long_switched_francis": rig.controller("switched_francis"),
-        "long_estimated": rig.controller("exact_map", **everything_estimated),
+    laws = {
+        "exact_map": rig.controller("exact_map"),
+        "switched_francis": rig.controller("switched_francis"),
+        "estimated": rig.controller("exact_map", **everything_estimated),
     }
-    runs = [rig.run(name, controller, timestep=timestep) for name, controller in cases.items()]
-    edges = [k * CYCLE for k in range(CYCLES + 1)]
-    rows = {}
-    for run in runs:
-        errors = interval_errors(run, edges)
-        shown = {"first_cycle": errors[0], "middle_cycle": errors[CYCLES // 2], "last_cycle": errors[-1]}
-        rows[run.name] = {**numbers(run), **shown, "cycle_errors": errors}
-    return runs, rows
+    return [rig.case(LONG + name, law, numbers=_numbers) for name, law in laws.items()]
+
+
+def _numbers(run: invtrack.RunResult) -> dict[str, Any]:
+    errors = interval_errors(run, [k * CYCLE for k in range(CYCLES + 1)])
+    shown = {"first_cycle": errors[0], "middle_cycle": errors[CYCLES // 2], "last_cycle": errors[-1]}
+    return {**invtrack.metrics(run), **shown, "cycle_errors": errors}
 
 
 def rate_through_jumps(rig: Rig) -> float:
@@ -65,13 +64,17 @@ def rate_through_jumps(rig: Rig) -> float:
     return float(-np.log(np.max(np.abs(np.linalg.eigvals(transition)))) / CYCLE)
 
 
-def report(cases: dict[str, dict[str, Any]], jumps: int, rate: float) -> None:
+def report(jumps: int, rate: float) -> list[Table | str]:
     """The table, and what it compares."""
-    print_table(f"{CYCLES} cycles with {jumps} exchanges of the payload, in MuJoCo", columns=COLUMNS, rows=cases)
     slowest = max(pole.real for pole in POLES)
-    print(
+    return [
+        Table(f"{CYCLES} cycles with {jumps} exchanges of the payload, in MuJoCo", COLUMNS, _rows),
         "long_estimated starts from rest and knows nothing before 0 s: x_e is estimated from y_d, x from base and tip position.\n"
         f"Its first transient dies out as the closed loop's do through jumps, at {rate:.3f} 1/s (slowest pole {slowest:g} 1/s),\n"
         "and no jump adds a new one. The switched regulators meet every jump with a new one. first, middle, last cycle: the\n"
-        "largest |y - y_d| there."
-    )
+        "largest |y - y_d| there.",
+    ]
+
+
+def _rows(done: Session) -> Rows:
+    return done.rows([name for name in done.numbers if name.startswith(LONG)])

@@ -5,11 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from regulator.rig import OBSERVER_POLES, STATE_OBSERVER, Rig, interval_errors, numbers
+from regulator.rig import LONG, OBSERVER_POLES, STATE_OBSERVER, Rig, interval_errors
 
 import invtrack
 from invtrack.control import Instants
-from invtrack.studies.table import Column, print_table
+from invtrack.figures import tracking_figure
+from invtrack.studies import Case, Column, Rows, Session, Table
 
 MASSES = (0.0, 100.0, 10.0)  # [kg]
 JUMPS = (np.pi / 2, 3 * np.pi / 2)  # [s]
@@ -25,43 +26,50 @@ COLUMNS = (
 )
 
 
-def manoeuvre(rig: Rig, timestep: float) -> tuple[list[invtrack.RunResult], dict[str, dict[str, Any]]]:
-    """All cases, as runs and as numbers."""
+def cases(rig: Rig) -> list[Case]:
+    """From rest; then, without the name's first transient, from the law's own state."""
     estimated = {"exosystem_observer": invtrack.LuenbergerObserver(OBSERVER_POLES)}
-    cases = {
+    laws = {
         "exact_map": rig.controller("exact_map"),
         "switched_francis": rig.controller("switched_francis"),
         "single_francis": rig.controller("single_francis"),
         "estimated_exosystem": rig.controller("exact_map", **estimated),
         "output_feedback": rig.controller("exact_map", state_observer=STATE_OBSERVER),
     }
-    runs = [rig.run(name, controller, timestep=timestep) for name, controller in cases.items()]
+    drawn = {"tracking": tracking_figure}
+    from_rest = [rig.case(name, law, numbers=_numbers, figures=drawn) for name, law in laws.items()]
+    from_own_state = []
     for name in ("exact_map", "switched_francis", "single_francis", "estimated_exosystem"):
         own_state = rig.own_state(name if name in rig.maps else "exact_map")
-        runs.append(rig.run(name + FROM_OWN_STATE, cases[name], timestep=timestep, start=0.0, initial_state=own_state))
-    return runs, {run.name: _numbers(run) for run in runs}
+        settings = {"start": 0.0, "initial_state": own_state}
+        from_own_state.append(rig.case(name + FROM_OWN_STATE, laws[name], numbers=_numbers, settings=settings))
+    return [*from_rest, *from_own_state]
 
 
 def _numbers(run: invtrack.RunResult) -> dict[str, Any]:
     edges = [min(float(run.time[0]), 0.0), 0.0, *JUMPS, END, float(run.time[-1])]
-    errors = dict(zip(INTERVALS, interval_errors(run, edges), strict=True))
+    errors: dict[str, float | None] = dict(zip(INTERVALS, interval_errors(run, edges), strict=True))
     if run.time[0] >= 0:
         errors["before"] = None
-    return {**numbers(run), **{f"error_{name}": value for name, value in errors.items()}}
+    return {**invtrack.metrics(run), **{f"error_{name}": value for name, value in errors.items()}}
 
 
-def report(cases: dict[str, dict[str, Any]], start: float, decay: dict[str, float]) -> None:
+def report(start: float, decay: dict[str, float]) -> list[Table | str]:
     """The table, and what it compares."""
-    print_table("Regulation through tip-mass jumps, in MuJoCo", columns=COLUMNS, rows=cases)
-    print(
+    return [
+        Table("Regulation through tip-mass jumps, in MuJoCo", COLUMNS, _rows),
         "All cases have the same feedback poles in every interval; all but single_francis, whose regulator stays that of the\n"
         f"first mass, know the jumps. From rest the runs begin {-start:.1f} s before the manoeuvre: exact_map needs that time and\n"
         "the exosystem's state beforehand. The Francis regulators act from 0 s on and need neither; they leave transients for\n"
         f"the feedback to take down. {FROM_OWN_STATE}: started at 0 s in the state that the law itself wants there, so that\n"
         "only what the jumps cause (in estimated_exosystem: the wrong estimate) is left. error before, mass .., after: largest\n"
         "|y - y_d| before the manoeuvre, between its jumps, and after it. estimated_exosystem: x_e is estimated from y_d, from\n"
-        f"zero on; slowest pole designed -{decay['designed']:.3f} 1/s, measured -{decay['measured']:.3f} 1/s.\n"
-    )
+        f"zero on; slowest pole designed -{decay['designed']:.3f} 1/s, measured -{decay['measured']:.3f} 1/s.\n",
+    ]
+
+
+def _rows(done: Session) -> Rows:
+    return done.rows([name for name in done.numbers if not name.startswith(LONG)])
 
 
 def estimate_errors(rig: Rig, timestep: float) -> tuple[np.ndarray, np.ndarray]:

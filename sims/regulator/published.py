@@ -51,17 +51,18 @@ def published(model: invtrack.SwitchedSystem, wanted: invtrack.references.Exosys
     }
 
 
-def report(numbers: dict[str, Any]) -> None:
+def report(numbers: dict[str, Any]) -> str:
     """G(0), the printed one and the difference, row by row."""
     check = numbers["G0_check"]
     refused = check["not_admissible"]
     titles = [name + (" (not admissible)" if name in refused else "") for name in check["columns"]]
-    print("G(0) in the paper's coordinates: computed, printed in the paper, difference")
-    print(" " * 6 + "   ".join(f"{title:35s}" for title in titles).rstrip())
+    lines = ["G(0) in the paper's coordinates: computed, printed in the paper, difference"]
+    lines.append(" " * 6 + "   ".join(f"{title:35s}" for title in titles).rstrip())
     for row, mine, printed, apart in zip(ROWS, numbers["G0"], PRINTED, check["difference"], strict=True):
         cells = "   ".join(f"{a:15.10f}  {b:8.4f}  {c:8.4f}" for a, b, c in zip(mine, printed, apart, strict=True))
-        print(f"  {row:4s}{cells}")
-    print(f"boundary conditions met to {check['boundary_residual']:.1e}. Columns that no continuous state of the plant can follow:")
-    for text in refused.values():
-        print(f"  {text}")
-    print()
+        lines.append(f"  {row:4s}{cells}")
+    lines.append(
+        f"boundary conditions met to {check['boundary_residual']:.1e}. Columns that no continuous state of the plant can follow:"
+    )
+    lines += [f"  {text}" for text in refused.values()]
+    return "\n".join([*lines, ""])

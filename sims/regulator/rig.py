@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import invtrack
-from invtrack.studies.progress import progress
+from invtrack.studies import Case
 
 A_E = ((0, 1, 0, 0), (-1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0))
 C_E = ((0, 0, 0, 1),)
@@ -18,6 +18,7 @@ X_E = (0.0, 1.0, 0.0, 0.0)  # at T_i = 0: y_d = 1 - cos t
 MEASUREMENTS = ("base_position", "tip_position")
 POLES = (-0.4 + 2j, -0.4 - 2j, -0.3 + 0.3j, -0.3 - 0.3j, -0.12 + 0.08j, -0.12 - 0.08j)  # [rad/s], in every interval
 OBSERVER_POLES = (-3.0, -5.0, -6.0, -7.0)  # [rad/s], of the estimate of the exosystem's state
+LONG = "long_"  # begins the names of cases over many cycles
 STATE_OBSERVER = invtrack.KalmanFilter(input_noise=0.02, measurement_noise=1e-3)
 
 
@@ -40,10 +41,9 @@ class Rig:
         first, second = self.maps[name].breakpoints[:2]
         return np.asarray(self.maps[name].x_map([first], inside=[(first + second) / 2])[0] @ X_E)
 
-    def run(self, name: str, controller: invtrack.ExosystemController, *, timestep: float, **options: Any) -> invtrack.RunResult:
-        """One case in MuJoCo, the tip mass jumping as the plan expects."""
-        with progress(name) as report:
-            return invtrack.simulate(self.plant, controller, timestep=timestep, name=name, progress=report, **options)
+    def case(self, name: str, controller: invtrack.ExosystemController, **options: Any) -> Case:
+        """One case in MuJoCo, the tip mass jumping as the plan expects; options: of the case."""
+        return Case(name, self.plant, controller, **options)
 
 
 def rig(plant: invtrack.Plant, masses: Sequence[float], jumps: Sequence[float], *, end: float) -> Rig:
@@ -75,8 +75,3 @@ def interval_errors(run: invtrack.RunResult, edges: Sequence[float]) -> list[flo
     slack = 1e-9 * float(np.max(np.abs(run.time)))  # an edge and its sample may differ by rounding
     error = np.max(np.abs(run.error), axis=1)
     return [float(np.max(error[(run.time >= a - slack) & (run.time <= b + slack)], initial=0.0)) for a, b in pairwise(edges)]
-
-
-def numbers(run: invtrack.RunResult) -> dict[str, Any]:
-    """All metrics of a run and how it ended."""
-    return {**invtrack.metrics(run), "status": run.status}

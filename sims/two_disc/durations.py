@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from scipy.optimize import brentq
@@ -11,20 +12,18 @@ from two_disc.rig import (
     PROFILES,
     PUBLISHED,
     SHARES,
-    SHOWN,
     TOLERANCE,
     WEIGHTS,
     Plans,
     clamped_steps,
     measured_shares,
     peak,
-    run,
+    run_settings,
 )
 
 import invtrack
 from invtrack.redesign import outcome
-from invtrack.studies.progress import progress
-from invtrack.studies.table import Column, print_table
+from invtrack.studies import Column, Rows, Session, Table
 
 DURATIONS = (5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0)  # [s]
 LIMIT = 0.8  # of the redesigned plan's peak input: what the actuator passes on in the limited case
@@ -37,33 +36,29 @@ LIMITED_COLUMNS = (
 )
 
 
-def sweep(
-    plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtrack.GainSchedule, timestep: float
-) -> tuple[list[dict[str, Any]], list[invtrack.RunResult]]:
-    """Shares, predicted and measured, of each profile and duration, and the two runs of the slew that is shown.
+def slews(
+    plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtrack.GainSchedule
+) -> dict[str, Callable[[Session], dict[str, Any]]]:
+    """By name of the slew: its shares, predicted and measured.
 
     Under "limited": the same for the optimum within a limit on the input, driven through an actuator that has it.
     """
-    rows: list[dict[str, Any]] = []
-    shown: list[invtrack.RunResult] = []
-    with progress("slews") as report:
-        for profile in PROFILES:
-            for duration in DURATIONS:
-                plans = Plans.of(model, duration, profile)
-                runs = [run(plant, invtrack.TrackingController(plan, gains), name, timestep) for name, plan in vars(plans).items()]
-                rows.append(
-                    {
-                        "profile": profile,
-                        "duration": duration,
-                        "predicted": plans.shares(),
-                        "measured": measured_shares(*runs),
-                        "limited": _limited(plant, model, gains, plans, runs[0], timestep),
-                    }
-                )
-                if (profile, duration) == SHOWN:
-                    shown = runs
-                report(len(rows) / (len(PROFILES) * len(DURATIONS)))
-    return rows, shown
+
+    def point(profile: str, duration: float, done: Session) -> dict[str, Any]:
+        plans = Plans.of(model, duration, profile)
+        exact, redesigned = (
+            done.simulate(plant, invtrack.TrackingController(plan, gains), name=name, **run_settings(plan))
+            for name, plan in vars(plans).items()
+        )
+        return {
+            "profile": profile,
+            "duration": duration,
+            "predicted": plans.shares(),
+            "measured": measured_shares(exact, redesigned),
+            "limited": _limited(plant, model, gains, plans, exact, done),
+        }
+
+    return {f"{profile}, {duration:g} s": partial(point, profile, duration) for profile in PROFILES for duration in DURATIONS}
 
 
 def _limited(
@@ -72,7 +67,7 @@ def _limited(
     gains: invtrack.GainSchedule,
     plans: Plans,
     exact: invtrack.RunResult,
-    timestep: float,
+    done: Session,
 ) -> dict[str, Any]:
     limit = LIMIT * outcome(plans.redesigned).peak_input
     plan = invtrack.constrained_redesign(
@@ -83,7 +78,8 @@ def _limited(
         tolerance=TOLERANCE,
     )
     actuated = invtrack.plant.with_input_limits(plant, {"motor": limit})
-    result = run(actuated, invtrack.TrackingController(plan, gains), "redesigned_limited", timestep)
+    controller = invtrack.TrackingController(plan, gains)
+    result = done.simulate(actuated, controller, name="redesigned_limited", **run_settings(plan))
     return {
         "input_limit": limit,
         "predicted": plans.in_place_of_redesigned(plan).shares(),
@@ -106,29 +102,45 @@ def where_shares_occur(model: invtrack.StateSpace, published: Mapping[str, float
     return result
 
 
-def report_sweep(rows: list[dict[str, Any]], occurs: dict[str, dict[str, float]]) -> None:
-    """The table, and what the papers report beside it."""
-    table = {
-        f"{row['profile']}, {row['duration']:g} s": {
-            f"{which}_{share}": row[which][share] for which in ("predicted", "measured") for share in SHARES
-        }
-        for row in rows
+def report_slews() -> list[Table | Callable[[Session], str]]:
+    """The tables, and what the papers report beside them."""
+    limited = f"Within |u| <= {LIMIT:g} of the redesigned plan's peak, in MuJoCo"
+    return [
+        Table("Two-disc rig: what redesign changes, as shares", COLUMNS, _rows, row_header="slew"),
+        Table(limited, LIMITED_COLUMNS, _limited_rows, row_header="slew"),
+        _difference,
+        _occurrences,
+    ]
+
+
+def _named(done: Session) -> dict[str, dict[str, Any]]:
+    return {f"{row['profile']}, {row['duration']:g} s": row for row in done.section("durations")}
+
+
+def _rows(done: Session) -> Rows:
+    return {
+        name: {f"{which}_{share}": row[which][share] for which in ("predicted", "measured") for share in SHARES}
+        for name, row in _named(done).items()
     }
-    print_table("Two-disc rig: what redesign changes, as shares", columns=COLUMNS, rows=table, row_header="slew")
-    limited = {f"{row['profile']}, {row['duration']:g} s": row["limited"] for row in rows}
-    print_table(
-        f"Within |u| <= {LIMIT:g} of the redesigned plan's peak, in MuJoCo",
-        columns=LIMITED_COLUMNS,
-        rows={name: {**row, **row["measured"]} for name, row in limited.items()},
-        row_header="slew",
-    )
-    both = [*rows, *limited.values()]
+
+
+def _limited_rows(done: Session) -> Rows:
+    return {name: {**row["limited"], **row["limited"]["measured"]} for name, row in _named(done).items()}
+
+
+def _difference(done: Session) -> str:
+    both = [each for row in done.section("durations") for each in (row, row["limited"])]
     worst = max(abs(row["predicted"][share] - row["measured"][share]) for row in both for share in SHARES)
-    print(f"largest difference of prediction and MuJoCo: {100 * worst:.3f} percentage points")
-    print("the papers report, without profile and duration: 10 % of the slew, 60 % less input, 20 % less twist. For the quintic:")
-    for share, there in occurs.items():
-        print(
+    return f"largest difference of prediction and MuJoCo: {100 * worst:.3f} percentage points"
+
+
+def _occurrences(done: Session) -> str:
+    lines = [
+        "the papers report, without profile and duration: 10 % of the slew, 60 % less input, 20 % less twist. For the quintic:"
+    ]
+    for share, there in done.section("published_at").items():
+        lines.append(
             f"  {share.replace('_', ' ')} of {PUBLISHED[share]:.0%} occurs at {there['duration']:.1f} s: output changed by "
             f"{there['output_change']:.1%}, input -{there['input_reduction']:.1%}, twist -{there['twist_reduction']:.1%}"
         )
-    print()
+    return "\n".join([*lines, ""])

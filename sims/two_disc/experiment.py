@@ -6,16 +6,17 @@ Disc inertias, shaft stiffness and velocity coupling differ by some per cent fro
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
-from two_disc.rig import MEASUREMENTS, PUBLISHED, SHARES, SHOWN, Plans, measured_shares, peak, run, twist
+from two_disc.rig import MEASUREMENTS, PUBLISHED, SHARES, SHOWN, Plans, measured_shares, peak, run_settings, twist
 
 import invtrack
-from invtrack.studies.progress import progress
-from invtrack.studies.table import Column, print_table
+from invtrack.figures import tracking_figure
+from invtrack.studies import Case, Column, Rows, Session, Table
 
 PERIOD = 0.02  # [s]
 NOISE = 1e-3  # [rad], standard deviation of one sample
@@ -57,21 +58,35 @@ RIGS = {
 DRAWN = "softer shaft"
 
 
-def experiment(
-    plant: invtrack.Plant, model: invtrack.StateSpace, timestep: float
-) -> tuple[list[dict[str, Any]], dict[str, invtrack.RunResult]]:
-    """What each rig measures, and the two runs that are drawn and recorded."""
-    rows, drawn = [], {}
-    with progress("experiment") as report:
-        for name, real in RIGS.items():
-            plans, runs = Plans.of(model, real.duration, SHOWN[0], tolerance=TOLERANCE), {}
-            for which, plan in vars(plans).items():
-                runs[which] = drive(plant, real, controller(model, plan), f"experiment_{which}", timestep)
-            rows.append(_row(name, real, plans, runs))
-            if name == DRAWN:
-                drawn = {result.name: result for result in runs.values()}
-            report(len(rows) / len(RIGS))
-    return rows, drawn
+def experiment(plant: invtrack.Plant, model: invtrack.StateSpace, seed: int) -> dict[str, Callable[[Session], dict[str, Any]]]:
+    """By name of the rig: what it measures."""
+
+    def point(name: str, done: Session) -> dict[str, Any]:
+        plans, runs = Plans.of(model, RIGS[name].duration, SHOWN[0], tolerance=TOLERANCE), {}
+        for which, plan in vars(plans).items():
+            mechanism, settings = real_rig(plant, name, plan, seed)
+            runs[which] = done.simulate(mechanism, controller(model, plan), name=f"experiment_{which}", **settings)
+        return _row(name, plans, runs)
+
+    return {name: partial(point, name) for name in RIGS}
+
+
+def experiment_cases(plant: invtrack.Plant, model: invtrack.StateSpace, seed: int) -> list[Case]:
+    """The two runs that are drawn and recorded."""
+    plans = Plans.of(model, RIGS[DRAWN].duration, SHOWN[0], tolerance=TOLERANCE)
+    cases = []
+    for which, plan in vars(plans).items():
+        mechanism, settings = real_rig(plant, DRAWN, plan, seed)
+        cases.append(
+            Case(
+                f"experiment_{which}",
+                mechanism,
+                controller(model, plan),
+                settings=settings,
+                figures={"tracking": tracking_figure},
+            )
+        )
+    return cases
 
 
 def controller(model: invtrack.StateSpace, plan: invtrack.Plan) -> invtrack.OutputFeedbackController:
@@ -80,30 +95,25 @@ def controller(model: invtrack.StateSpace, plan: invtrack.Plan) -> invtrack.Outp
     return invtrack.OutputFeedbackController(plan, invtrack.lqr(model, **GAIN_WEIGHTS), observer, period=PERIOD)
 
 
-def drive(
-    plant: invtrack.Plant, real: Rig, controller: invtrack.OutputFeedbackController, name: str, timestep: float
-) -> invtrack.RunResult:
-    """One run on the rig as it really is, through its potentiometers."""
+def real_rig(plant: invtrack.Plant, name: str, plan: invtrack.Plan, seed: int) -> tuple[invtrack.Plant, dict[str, Any]]:
+    """A rig as it really is, seen through its potentiometers, and the arguments of a simulation of it; seed: 0, 1, ..."""
+    real = RIGS[name]
     values = plant.parameter_values
     values["disc1_mass"] *= real.disc1_inertia
     values["disc2_mass"] *= real.disc2_inertia
     values["shaft_stiffness"] *= real.stiffness
-    return run(
-        invtrack.plant.with_coupling_scaled(plant, "velocity_coupling", real.coupling),
-        controller,
-        name,
-        timestep,
-        after=AFTER,
-        schedule=[invtrack.Change(controller.plan.start, **values)],
-        sensors={sensor: invtrack.Sensor(noise=NOISE, quantization=DIGIT) for sensor in MEASUREMENTS},
-        seed=real.seed,
-    )
+    return invtrack.plant.with_coupling_scaled(plant, "velocity_coupling", real.coupling), {
+        **run_settings(plan, after=AFTER),
+        "schedule": [invtrack.Change(plan.start, **values)],
+        "sensors": {sensor: invtrack.Sensor(noise=NOISE, quantization=DIGIT) for sensor in MEASUREMENTS},
+        "seed": real.seed + len(RIGS) * seed,
+    }
 
 
-def _row(name: str, real: Rig, plans: Plans, runs: dict[str, invtrack.RunResult]) -> dict[str, Any]:
+def _row(name: str, plans: Plans, runs: dict[str, invtrack.RunResult]) -> dict[str, Any]:
     return {
         "name": name,
-        "rig": vars(real),
+        "rig": vars(RIGS[name]),
         "predicted": plans.shares(),
         "measured": measured_shares(runs["exact"], runs["redesigned"]),
         "exact": _numbers(plans.exact, runs["exact"]),
@@ -125,9 +135,15 @@ def _numbers(plan: invtrack.Plan, result: invtrack.RunResult) -> dict[str, float
     }
 
 
-def report_experiment(rows: Sequence[dict[str, Any]], occurs: dict[str, float]) -> None:
-    """The table beside the papers' numbers; occurs: the duration at which the theory predicts their twist, and the shares there."""
+def report_experiment() -> list[Table | Callable[[Session], str]]:
+    """The table beside the papers' numbers, and the duration at which the theory predicts their twist."""
+    title = f"Experiment, {SHOWN[0]} of {SHOWN[1]:g} s unless stated: rigs unlike their model, two noisy angles"
+    return [Table(title, COLUMNS, _rows, row_header="rig"), _text]
+
+
+def _rows(done: Session) -> Rows:
     table: dict[str, dict[str, Any]] = {}
+    rows = done.section("experiment")
     for row in rows:
         both = {f"{which}_{key}": value for which in ("exact", "redesigned") for key, value in row[which].items()}
         table[row["name"]] = {**row["measured"], **both}
@@ -136,9 +152,12 @@ def report_experiment(rows: Sequence[dict[str, Any]], occurs: dict[str, float]) 
         planned = {f"{which}_peak_input": row[which]["planned_peak_input"] for which in ("exact", "redesigned")}
         table[f"planned, {row['rig']['duration']:g} s"] = {**blank, **row["predicted"], **planned}
     table["papers' experiment"] = {**blank, **PUBLISHED_IN_EXPERIMENT}
-    title = f"Experiment, {SHOWN[0]} of {SHOWN[1]:g} s unless stated: rigs unlike their model, two noisy angles"
-    print_table(title, columns=COLUMNS, rows=table, row_header="rig")
-    print(
+    return table
+
+
+def _text(done: Session) -> str:
+    occurs = done.section("published_in_experiment_at")["twist_reduction"]
+    return (
         f"control every {PERIOD:g} s from angles with noise of {NOISE:g} rad and digits of {DIGIT:.2g} rad; input noise: standard\n"
         "deviation of the input about the plan's. The papers say no more of their experiment than its twist;\n"
         f"a twist of {-PUBLISHED_IN_EXPERIMENT['twist_reduction']:.0%} is what the theory predicts for a quintic of "

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,24 +12,23 @@ from two_disc.rig import PROFILES, Q_TWIST, Q_Y, SHARES, SHOWN, TWIST_WEIGHT, Pl
 
 import invtrack
 from invtrack.figures import frequency_response_figure, overlay_figure, sweep_figure
+from invtrack.studies import Session
 
 SLEW_TEXT = f"{SHOWN[0]} of {SHOWN[1]:g} s"
+EXPERIMENT = ("experiment_exact", "experiment_redesigned")
 WINDOW = (-20.0, 50.0)  # [s]
 
 
-def papers_figures(
-    model: invtrack.StateSpace, rows: list[dict[str, Any]], experiment: Mapping[str, invtrack.RunResult]
-) -> dict[str, Figure]:
+def papers_figures(model: invtrack.StateSpace) -> dict[str, Callable[[Session], Figure]]:
     """Figures by the name of their file; which figure of the papers each stands for is in its title."""
-    plans = Plans.of(model, SHOWN[1], SHOWN[0])
-    drawn = {
-        "wanted": wanted_output(),
-        "responses": responses(model),
-        "prefilter": prefilter_response(model),
-        "redesign": redesign(plans),
-        "experiment": experiment_runs(experiment),
+    return {
+        "wanted": lambda done: wanted_output(),
+        "responses": lambda done: responses(model),
+        "prefilter": lambda done: prefilter_response(model),
+        "redesign": lambda done: redesign(Plans.of(model, SHOWN[1], SHOWN[0])),
+        "experiment": lambda done: experiment_runs(done.among(EXPERIMENT)),
+        **{f"durations_{profile}": partial(durations, profile) for profile in PROFILES},
     }
-    return drawn | {f"durations_{profile}": durations(profile, rows) for profile in PROFILES}
 
 
 def wanted_output() -> Figure:
@@ -89,10 +88,10 @@ def redesign(plans: Plans) -> Figure:
     return overlay_figure(title, panels=panels)
 
 
-def experiment_runs(runs: Mapping[str, invtrack.RunResult]) -> Figure:
+def experiment_runs(results: Sequence[invtrack.RunResult]) -> Figure:
     """Figures 7 and 8 of the experimental paper, and the input."""
-    first = next(iter(runs.values()))
-    runs = {name.replace("_", " "): result for name, result in runs.items()}
+    first = results[0]
+    runs = {result.name.replace("_", " "): result for result in results}
     panels = [
         (
             r"$\theta_2$ [rad]",
@@ -105,9 +104,9 @@ def experiment_runs(runs: Mapping[str, invtrack.RunResult]) -> Figure:
     return overlay_figure(title, panels=panels, wanted="wanted", window=WINDOW)
 
 
-def durations(profile: str, rows: list[dict[str, Any]]) -> Figure:
+def durations(profile: str, done: Session) -> Figure:
     """The papers' three shares over the duration of the slew."""
-    chosen = [row for row in rows if row["profile"] == profile]
+    chosen = [row for row in done.section("durations") if row["profile"] == profile]
     curves = {
         which: {share.replace("_", " "): [row[which][share] for row in chosen] for share in SHARES}
         for which in ("predicted", "measured")

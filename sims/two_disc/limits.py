@@ -8,19 +8,19 @@ same arcs at the same times.
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from two_disc.experiment import DRAWN, RIGS, controller, drive
-from two_disc.rig import MARGIN, TOLERANCE, TWIST, clamped_steps, peak, run, slew, twist
+from two_disc.experiment import DRAWN, controller, real_rig
+from two_disc.rig import MARGIN, TOLERANCE, TWIST, clamped_steps, peak, run_settings, slew, twist
 
 import invtrack
-from invtrack.figures import overlay_figure
+from invtrack.figures import overlay_figure, tracking_figure
 from invtrack.redesign import ConstrainedTrajectory, outcome
-from invtrack.studies.table import Column, print_table
+from invtrack.studies import Case, Column, Rows, Session, Table
 
 PROFILE, DURATION = "quintic", 10.0  # [s]
 WEIGHTS = {"R": 1.0, "Q_y": 10.0}  # the twist has no weight: it has a limit
@@ -37,13 +37,13 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class LimitedSlew:
-    """Plans and runs of the same slew."""
+    """Plans of the same slew, and the cases that drive them through the limited actuator."""
 
     plans: dict[str, invtrack.Plan]
-    runs: dict[str, invtrack.RunResult]
+    cases: list[Case]
     limited: ConstrainedTrajectory
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self, done: Session) -> dict[str, Any]:
         """Limits, when each is active, and what was planned and measured."""
         return {
             "profile": PROFILE,
@@ -62,12 +62,15 @@ class LimitedSlew:
                 for each in self.limited.active
             ],
             "planned": {name: _planned(plan) for name, plan in self.plans.items()},
-            "measured": {name: _measured(result) for name, result in self.runs.items()},
+            "measured": {run.name: _measured(run) for run in done.among(case.name for case in self.cases)},
         }
 
 
-def limited_slew(plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtrack.GainSchedule, timestep: float) -> LimitedSlew:
-    """Exact inversion, the optimum without and with limits; the first and the last driven through the limited actuator."""
+def limited_slew(plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtrack.GainSchedule, seed: int) -> LimitedSlew:
+    """Exact inversion, the optimum without and with limits; the first and the last driven through the limited actuator.
+
+    That the exact plan exceeds the actuator is the point, and so does what noise adds to the limited one.
+    """
     reference = slew(DURATION, PROFILE)
     inside = 1 - MARGIN
     limited = invtrack.constrained_redesign(
@@ -81,19 +84,25 @@ def limited_slew(plant: invtrack.Plant, model: invtrack.StateSpace, gains: invtr
         ),
         tolerance=TOLERANCE,
     )
+    exact = invtrack.invert(model, reference, tolerance=TOLERANCE)
     plans = {
-        "exact": invtrack.invert(model, reference, tolerance=TOLERANCE),
+        "exact": exact,
         "redesigned": invtrack.quadratic_redesign(model, reference, **WEIGHTS, tolerance=TOLERANCE),
         "redesigned_limited": limited,
     }
     actuated = invtrack.plant.with_input_limits(plant, {"motor": INPUT})
-    runs = {"redesigned_limited": run(actuated, invtrack.TrackingController(limited, gains), "redesigned_limited", timestep)}
-    with warnings.catch_warnings():
-        # That these plans exceed the actuator is the point: the first by design, the second by what noise adds.
-        warnings.filterwarnings("ignore", message="the plan needs", category=RuntimeWarning)
-        runs["exact_clamped"] = run(actuated, invtrack.TrackingController(plans["exact"], gains), "exact_clamped", timestep)
-    runs["experiment_limited"] = drive(actuated, RIGS[DRAWN], controller(model, limited), "experiment_limited", timestep)
-    return LimitedSlew(plans, runs, limited)
+    drawn = {"tracking": tracking_figure}
+
+    def case(name: str, plan: invtrack.Plan) -> Case:
+        return Case(name, actuated, invtrack.TrackingController(plan, gains), settings=run_settings(plan), figures=drawn)
+
+    real, settings = real_rig(actuated, DRAWN, limited, seed)
+    cases = [
+        case("redesigned_limited", limited),
+        case("exact_clamped", exact),
+        Case("experiment_limited", real, controller(model, limited), settings=settings, figures=drawn),
+    ]
+    return LimitedSlew(plans, cases, limited)
 
 
 def _planned(plan: invtrack.Plan) -> dict[str, float]:
@@ -121,17 +130,23 @@ def _measured(result: invtrack.RunResult) -> dict[str, float | int | None]:
     }
 
 
-def report_limits(slew_: LimitedSlew) -> None:
+def report_limits(slew_: LimitedSlew) -> list[Table | str | Callable[[Session], str]]:
     """The table, and which limit acts when."""
-    summary = slew_.summary()
+    title = f"Hard limits, {PROFILE} of {DURATION:g} s, r = 1, q_x = 0, q_y = 10"
+    return [Table(title, COLUMNS, _rows), "\n".join(f"  {each}" for each in slew_.limited.active), _text]
+
+
+def _rows(done: Session) -> Rows:
+    summary = done.section("limits")
     table: dict[str, dict[str, Any]] = {f"{name}, planned": {**row, "clamped": None} for name, row in summary["planned"].items()}
     table |= {f"{name}, MuJoCo": row for name, row in summary["measured"].items()}
     table["limit"] = {"max_error": None, "peak_input": INPUT, "peak_rate": RATE, "peak_twist": TWIST_LIMIT, "clamped": None}
-    print_table(f"Hard limits, {PROFILE} of {DURATION:g} s, r = 1, q_x = 0, q_y = 10", columns=COLUMNS, rows=table)
-    for each in slew_.limited.active:
-        print(f"  {each}")
-    measured = summary["measured"]["redesigned_limited"]
-    print(
+    return table
+
+
+def _text(done: Session) -> str:
+    measured = done.section("limits")["measured"][done["redesigned_limited"].name]
+    return (
         f"planned {MARGIN:g} inside the limits. In MuJoCo the actuator's ctrlrange of +-{INPUT:g} clamps {measured['clamped']} of "
         f"{measured['steps']} steps.\n"
         "The short arcs at the rate's and the twist's limits are the optimum's own: smaller steps of the plan find the same.\n"

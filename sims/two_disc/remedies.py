@@ -12,7 +12,7 @@ from two_disc.rig import Q_TWIST, Q_Y, SLEW, TWIST_WEIGHT, R
 import invtrack
 from invtrack.figures import trade_off_figure
 from invtrack.redesign import outcome
-from invtrack.studies.table import Column, print_table
+from invtrack.studies import Column, Rows, Session, Table
 
 NEAR_AXIS = 0.5  # [1/s]: zeros this close to the axis are moved
 MOVED_TO = 2.0  # [1/s], the real part that the paper's helicopter gets
@@ -99,13 +99,18 @@ def _modified_rows(model: invtrack.StateSpace, reference: invtrack.PiecewiseSign
     ]
 
 
-def report_remedies(rows: list[dict[str, Any]]) -> None:
+def report_remedies() -> list[Table | str]:
     """The table of both remedies."""
     title = f"Passive rig, both remedies: time above {LEVEL:.0%} of the peak input before the slew, largest error, peak input"
-    table = {f"{row['remedy']}, {row['setting'].replace('$', '')}": row for row in rows}
-    print_table(title, columns=COLUMNS, rows=table, row_header="remedy")
     poles = "; ".join(f"{speed}: {', '.join(f'{pole:g}' for pole in values)} 1/s" for speed, values in ERROR_POLES.items())
-    print(f"modified: the real part that the zeros get; error poles {poles}. redesign: r = 1, q_x = 0 unless stated.")
+    return [
+        Table(title, COLUMNS, _rows, row_header="remedy"),
+        f"modified: the real part that the zeros get; error poles {poles}. redesign: r = 1, q_x = 0 unless stated.",
+    ]
+
+
+def _rows(done: Session) -> Rows:
+    return {f"{row['remedy']}, {row['setting'].replace('$', '')}": row for row in done.section("trade_off")}
 
 
 def draw_remedies(title: str, rows: list[dict[str, Any]]) -> Figure:

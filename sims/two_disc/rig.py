@@ -84,15 +84,9 @@ def measured_shares(exact: invtrack.RunResult, redesigned: invtrack.RunResult) -
     return _shares(peak(redesigned.error), inputs, twists)
 
 
-def run(
-    plant: invtrack.Plant, controller: Any, name: str, timestep: float, *, after: float = AFTER, **settings: Any
-) -> invtrack.RunResult:
-    """One case, until `after` [s] after the slew. Raises InvtrackError where it diverges."""
-    end = controller.plan.manoeuvre[1] + after
-    result = invtrack.simulate(plant, controller, timestep=timestep, end=end, name=name, **settings)
-    if result.status == "diverged":
-        raise invtrack.InvtrackError(f"case {name!r} diverged ({result.message}); take a smaller --timestep")
-    return result
+def run_settings(plan: invtrack.Plan, *, after: float = AFTER) -> dict[str, Any]:
+    """Arguments of a simulation until `after` [s] after the slew."""
+    return {"end": plan.manoeuvre[1] + after}
 
 
 def twist(x: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from two_disc.rig import Q_TWIST, Q_Y, SHOWN, SLEW, TOLERANCE, TWIST, TWIST_WEIG
 
 import invtrack
 from invtrack.figures import trade_off_figure
-from invtrack.studies.table import Column, print_table
+from invtrack.studies import Column, Rows, Session, Table
 
 # q_x, and the values of q_y: with the twist free far less weight on the output gives up as much of the motion.
 FAMILIES: dict[str, tuple[float, tuple[float, ...]]] = {
@@ -46,14 +46,16 @@ def trade_off(model: invtrack.StateSpace) -> list[dict[str, Any]]:
     return rows
 
 
-def report_trade_off(rows: list[dict[str, Any]]) -> None:
+def report_trade_off() -> Table:
     """The table; a point is dominated where another is no worse in any figure and better in one."""
-    table = {
+    return Table(f"Trade-off over the weights (r = 1), {SHOWN[0]} of {SHOWN[1]:g} s", COLUMNS, _rows, row_header="weights")
+
+
+def _rows(done: Session) -> Rows:
+    return {
         f"q_x = {row['q_x']:g}, q_y = {row['q_y']:g}": {**row, "dominated_by_another": "yes" if row["dominated"] else "no"}
-        for row in rows
+        for row in done.section("pareto")
     }
-    title = f"Trade-off over the weights (r = 1), {SHOWN[0]} of {SHOWN[1]:g} s"
-    print_table(title, columns=COLUMNS, rows=table, row_header="weights")
 
 
 def draw_trade_off(rows: list[dict[str, Any]]) -> Figure:

@@ -8,9 +8,8 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
-import invtrack.recording.recording_file as write
 from invtrack.errors import FileError, RecordingError
-from invtrack.recording import load_recording, save_recording
+from invtrack.recording import load_recording, recording_file, save_recording
 from invtrack.results.result import RunResult
 
 
@@ -60,7 +59,7 @@ def test_a_failure_midway_leaves_the_earlier_recording(run: RunResult, tmp_path:
     def fail(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(write, "send_series", fail)
+    monkeypatch.setattr(recording_file, "send_series", fail)
     with pytest.raises(KeyboardInterrupt):
         save_recording(dataclasses.replace(run, name="later"), path)
     assert list(load_recording(path)) == ["inversion"]
@@ -89,10 +88,16 @@ def test_recordings_of_other_programs(tmp_path: Path) -> None:
 
 
 def test_a_later_format_is_refused(run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(write, "FORMAT", 99)
-    path = save_recording(run, tmp_path / "run.rrd")
-    with pytest.raises(RecordingError, match="format 99, this version reads 1"):
+    with monkeypatch.context() as later:
+        later.setattr(recording_file, "FORMAT", 99)
+        path = save_recording(run, tmp_path / "run.rrd")
+    with pytest.raises(RecordingError, match="format 99, this version reads 2"):
         load_recording(path)
+
+
+def test_several_cases_do_not_share_the_place_of_one(run: RunResult, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match="expected one case for a recording that shares its layout with others, got 2"):
+        save_recording([run, dataclasses.replace(run, name="other")], tmp_path / "run.rrd", application="study")
 
 
 def test_missing_data_are_reported(run: RunResult, tmp_path: Path) -> None:

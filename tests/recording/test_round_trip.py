@@ -146,3 +146,20 @@ def test_every_view_shows_entities_that_exist(run: RunResult, tmp_path: Path) ->
     queries = [query for view in layout.having("ViewContents:query") for query in layout.column(view, "ViewContents:query")[0]]
     assert "/other\\ one/output/\\[m\\]" in queries
     assert {query for query in queries if query != "$origin/**"} <= set(recorded.batches)
+
+
+def test_cases_of_one_application_share_a_layout_in_which_each_has_the_same_place(run: RunResult, tmp_path: Path) -> None:
+    linear = dataclasses.replace(mechanism_run("linear", steps=20), mjb=b"", qpos=np.zeros((0, 0)), parameter_bodies={})
+    estimated = dataclasses.replace(run, name="estimated", estimate=run.commanded, measured=run.commanded)
+    queries = []
+    for case in (run, linear, estimated):
+        path = save_recording(case, tmp_path / f"{case.name}.rrd", application="study")
+        assert load_recording(path)[case.name].equals(case)
+        assert {store.application_id for store in (*RrdReader(path).recordings(), *RrdReader(path).blueprints())} == {
+            "invtrack study"
+        }
+        layout = Recorded(path, blueprint=True)
+        queries.append({q for view in layout.having("ViewContents:query") for q in layout.column(view, "ViewContents:query")[0]})
+        assert {"/case/output/\\[m\\]", "/case/planned_output/\\[m\\]"} <= queries[-1]
+        assert {"/case/output/\\[m\\]", "/case/time"} <= set(Recorded(path).batches)
+    assert queries[0] == queries[2]  # the last one opened decides, so that it must do for all

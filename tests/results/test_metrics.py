@@ -188,8 +188,10 @@ def test_a_completed_run_must_be_finite() -> None:
 
 def test_the_summary_holds_all_metrics_by_name(tmp_path: Path) -> None:
     run = two_mode_run()
-    path = RunFolder(tmp_path).write_summary(sim="s", model=run.model, timestep=run.timestep, cases={run.name: metrics(run)})
-    case = json.loads(path.read_text())["cases"]["exact"]
+    folder = RunFolder(tmp_path)
+    folder.keep(cases={run.name: metrics(run)})
+    folder.finish("complete")
+    case = json.loads((tmp_path / "summary.json").read_text())["cases"]["exact"]
     assert set(case) == {
         "max_error", "rms_error", "residual_vibration", "peak_input", "peak_commanded_input", "preactuation_time",
     }  # fmt: skip

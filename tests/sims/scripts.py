@@ -22,6 +22,8 @@ def summary_of(name: str, folder: Path, *words: str, timestep: float, says: str)
     finished = run_script(name, folder, "--timestep", str(timestep), "--no-figures", "--out", str(folder), *words)
     assert finished.returncode == 0, finished.stderr
     assert says in finished.stdout
-    assert "Warning" not in finished.stderr
+    assert not finished.stderr
     summary: dict[str, Any] = json.loads((folder / "summary.json").read_text())
+    assert (summary["study"], summary["status"]) == (name, "complete")
+    assert {path.name for path in folder.iterdir()} == {"summary.json", *summary["files"]}
     return summary

@@ -1,117 +1,80 @@
-"""A sim's command line, and the one line and exit status with which it fails."""
+"""The options of a study, as its command line and as programs give them."""
 
 from __future__ import annotations
 
 import io
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
+import tyro
 from rich.console import Console
 
 from invtrack.errors import InvtrackError, SimulationError
-from invtrack.studies.options import SimOptions, run_sim
-from invtrack.studies.progress import progress
+from invtrack.studies.options import StudyOptions
+from invtrack.studies.session import Session, progress
+from tests.studies.tiny import study
 
-DEFAULTS = SimOptions(out=Path("runs/demo"), timestep=1e-3)
-
-
-@dataclass(frozen=True, kw_only=True)
-class SweepOptions(SimOptions):
-    count: int = 3
-    """Number of durations."""
+TERMINAL = {"force_terminal": True, "_environ": {"TERM": "xterm"}}
 
 
-def parsed(*args: str) -> SimOptions:
-    seen: list[SimOptions] = []
-    run_sim(seen.append, defaults=DEFAULTS, args=args)
-    return seen[0]
+def parsed(*args: str) -> StudyOptions:
+    return tyro.cli(StudyOptions, default=StudyOptions(timestep=2e-3), args=args)
 
 
 def test_defaults_and_flags() -> None:
-    assert parsed() == DEFAULTS
-    assert parsed("--timestep", "2e-4", "--no-figures", "--out", "here") == SimOptions(
-        out=Path("here"), timestep=2e-4, figures=False
+    assert parsed() == StudyOptions(timestep=2e-3)
+    assert parsed("--timestep", "2e-4", "--no-figures", "--out", "here", "--case", "a", "--case", "b", "--json", "--quiet") == (
+        StudyOptions(out=Path("here"), timestep=2e-4, figures=False, case=("a", "b"), json=True, quiet=True)
     )
-
-
-def test_a_sim_may_add_options_of_its_own() -> None:
-    seen: list[SweepOptions] = []
-    run_sim(seen.append, defaults=SweepOptions(out=Path("runs/sweep"), timestep=1e-3), args=["--count", "5"])
-    assert (seen[0].count, seen[0].timestep) == (5, 1e-3)
-
-
-@pytest.mark.parametrize("value", ["-1", "0", "nan", "inf", "-inf", "1e999", "fast"])
-def test_useless_timesteps_are_refused_at_the_door(value: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as exit_info:
-        parsed("--timestep", value)
-    assert exit_info.value.code in (1, 2)
-    message = " ".join(capsys.readouterr().err.replace("│", " ").split())
-    assert "--timestep" in message
-    assert "Traceback" not in message
-    assert value == "fast" or "expected a positive, finite number of seconds" in message
-
-
-@pytest.mark.parametrize("value", [0.0, -1e-3, float("nan"), float("inf")])
-def test_useless_timesteps_are_refused_in_code(value: float) -> None:
-    with pytest.raises(SimulationError, match=r"--timestep: expected a positive, finite number"):
-        SimOptions(out=Path("here"), timestep=value)
-
-
-def test_help_explains_every_option_with_its_unit(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as exit_info:
-        run_sim(print, defaults=DEFAULTS, description="What it claims.", args=["--help"])
-    assert exit_info.value.code == 0
-    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    for expected in ("What it claims.", "--out", "runs/demo", "--timestep", "[s]", "--no-figures"):
-        assert expected in text
 
 
 @pytest.mark.parametrize(
-    ("error", "status", "line"),
+    ("option", "value"),
+    [("timestep", value) for value in (0.0, -1e-3, float("nan"), float("inf"))] + [("seed", -1), ("record_every", 0)],
+)
+def test_useless_values_are_refused_by_name(option: str, value: Any) -> None:
+    with pytest.raises(SimulationError, match=rf"--{option.replace('_', '-')}: expected a .*, got {value}"):
+        StudyOptions(**{option: value})
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
     [
-        (InvtrackError("no bounded inverse; move the zero"), 1, "no bounded inverse; move the zero"),
-        (KeyboardInterrupt(), 130, "interrupted"),
-        (FileNotFoundError(2, "No such file or directory", "rig.xml"), 1, "rig.xml: No such file or directory"),
+        (("--timestep=-1",), "expected a positive, finite number of seconds"),
+        (("--timestep", "1e999"), "expected a positive, finite number of seconds"),
+        (("--timestep", "fast"), "--timestep"),
+        (("--out", ""), "expected a folder such as runs/trial, got an empty name"),
+        (("--out", " "), "expected a folder such as runs/trial, got an empty name"),
     ],
 )
-def test_failures_end_in_one_line(error: BaseException, status: int, line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    def main(_: SimOptions) -> None:
-        raise error
-
+def test_useless_words_end_with_a_message(words: tuple[str, ...], expected: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as exit_info:
-        run_sim(main, defaults=DEFAULTS, args=[])
-    assert exit_info.value.code == status
-    (message,) = capsys.readouterr().err.splitlines()
-    assert message.endswith(f": {line}")
+        parsed(*words)
+    assert exit_info.value.code == 2
+    message = " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert expected in message
+    assert "Traceback" not in message
 
 
-def test_a_defect_keeps_its_traceback() -> None:
-    def main(_: SimOptions) -> None:
-        raise ZeroDivisionError
+def test_help_explains_every_option(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as exit_info:
+        study().main(["--help"])
+    assert exit_info.value.code == 0
+    text = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    for expected in ("usage: tiny", "What it claims.", "--out DIR", "runs/tiny", "--timestep", "[s]", "--case NAME", "--seed"):
+        assert expected in text
+    for expected in ("--json", "--quiet", "--no-figures", "--record-every"):
+        assert expected in text
 
-    with pytest.raises(ZeroDivisionError):
-        run_sim(main, defaults=DEFAULTS, args=[])
 
+def test_options_that_matter_are_those_that_change_numbers() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class SweepOptions(StudyOptions):
+        count: int = 3
 
-def test_a_failing_script_prints_no_traceback(tmp_path: Path) -> None:
-    script = tmp_path / "sim_that_fails.py"
-    script.write_text(
-        "from pathlib import Path\n"
-        "from invtrack.studies.folder import RunFolder\n"
-        "from invtrack.studies.options import SimOptions, run_sim\n"
-        "def main(options): RunFolder(options.out)\n"
-        "run_sim(main, defaults=SimOptions(out=Path('runs/x'), timestep=1e-3))\n"
-    )
-    finished = subprocess.run(
-        [sys.executable, script, "--out", str(script)], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
-    assert finished.returncode == 1
-    assert finished.stdout == ""
-    (line,) = finished.stderr.splitlines()
-    assert line.startswith("sim_that_fails: expected a directory")
+    assert SweepOptions(json=True, case=("a",)).that_matter() == {"timestep": 1e-3, "seed": 0, "count": 3}
 
 
 def test_progress_is_silent_away_from_a_terminal() -> None:
@@ -123,17 +86,21 @@ def test_progress_is_silent_away_from_a_terminal() -> None:
 
 def test_progress_shows_its_description_on_a_terminal() -> None:
     stream = io.StringIO()
-    console = Console(file=stream, force_terminal=True, width=80, _environ={"TERM": "xterm"})
-    with progress("inversion [1/2]", console=console) as report:
+    with progress("inversion [1/2]", console=Console(file=stream, width=80, **TERMINAL)) as report:
         report(0.5)
         report(1.0)
     assert "inversion [1/2]" in stream.getvalue()
 
 
 def test_progress_lets_an_error_through() -> None:
-    stream = io.StringIO()
-    with (
-        pytest.raises(InvtrackError, match="diverged"),
-        progress("run", console=Console(file=stream, force_terminal=True, _environ={"TERM": "xterm"})),
-    ):
+    with pytest.raises(InvtrackError, match="diverged"), progress("run", console=Console(file=io.StringIO(), **TERMINAL)):
         raise InvtrackError("diverged")
+
+
+@pytest.mark.parametrize("quiet", [True, False])
+def test_activity_is_shown_unless_the_study_is_quiet(quiet: bool) -> None:
+    stream = io.StringIO()
+    session = Session(StudyOptions(quiet=quiet), console=Console(file=stream, width=80, **TERMINAL))
+    with session.activity("first (1 of 2)"):
+        pass
+    assert ("first (1 of 2)" in stream.getvalue()) is not quiet

@@ -70,6 +70,11 @@ def test_a_row_without_a_value_is_refused() -> None:
         print_table("", columns=[Column("max error", "m")], rows={"exact": {"rms_error": 1.0}})
 
 
+def test_a_row_that_has_nothing_to_show_is_there_with_dashes(capsys: pytest.CaptureFixture[str]) -> None:
+    print_table("", columns=[Column("x", "m"), Column("y", "m")], rows={"exact (diverged)": None})
+    assert capsys.readouterr().out.splitlines()[-2].split() == ["exact", "(diverged)", "-", "-"]
+
+
 @given(st.floats(-1.79e308, 1.79e308))
 def test_short_numbers_are_right_to_three_digits(value: float) -> None:
     text = short_number(value)
