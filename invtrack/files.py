@@ -13,9 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import FileError
-
-Array = NDArray[np.float64]
 
 CHUNK = 50_000
 """Rows that are turned from text to numbers, or back, together: memory stays linear in the table, with a small factor."""

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import real_vector, require_not_negative
+from invtrack.arrays import Array, real_vector, require_not_negative
 from invtrack.control.gains import GainSchedule
 from invtrack.control.observer import ExosystemObserver, Observer, measured, states_within_holds
 from invtrack.control.output_feedback import OutputFeedbackLaw
@@ -17,8 +17,6 @@ from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import ControlError
 from invtrack.plans.plan import Plan
 from invtrack.regulation.regulation_map import RegulationMap
-
-Array = NDArray[np.float64]
 
 CHUNK = 32768
 """Instants at which a map is evaluated at once: G(t) has n q entries at each."""

@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 import scipy  # loads scipy.signal, which costs a second, at its first use
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import increasing_times, real_numbers, real_weight, stable_poles
+from invtrack.arrays import Array, ComplexArray, Indices, increasing_times, real_numbers, real_weight, stable_poles
 from invtrack.errors import ControlError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
-
-Array = NDArray[np.float64]
 
 POLE_TOLERANCE = 1e-3
 """Placed poles must be met to this share of the largest: a mode that nothing moves is seen as a miss, not as rounding."""
@@ -45,7 +43,7 @@ class GainSchedule:
         object.__setattr__(self, "gains", matrices)
         object.__setattr__(self, "switch_times", times)
 
-    def interval(self, t: ArrayLike) -> NDArray[np.intp]:
+    def interval(self, t: ArrayLike) -> Indices:
         """Index of the gain in force at each time."""
         return np.searchsorted(self.switch_times, np.asarray(t, dtype=float), side="right")
 
@@ -93,7 +91,7 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
     return _per_interval(plant, gain)
 
 
-def placed_gain(A: Array, B: Array, poles: NDArray[np.complex128], *, name: str, advice: str) -> Array:
+def placed_gain(A: Array, B: Array, poles: ComplexArray, *, name: str, advice: str) -> Array:
     """K (p, n) for which the eigenvalues of A - B K are the `poles`.
 
     Args:

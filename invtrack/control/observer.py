@@ -9,10 +9,10 @@ from typing import Any, Protocol
 import numpy as np
 import scipy  # loads scipy.signal, which costs a second, at its first use
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array, real_numbers, real_vector, stable_poles
 from invtrack.channels import Channels
-from invtrack.checks import real_numbers, real_vector, stable_poles
 from invtrack.control.gains import placed_gain
 from invtrack.control.protocol import Instants, Segments, numbered
 from invtrack.errors import ControlError
@@ -20,8 +20,6 @@ from invtrack.linear.hidden_modes import hidden_modes
 from invtrack.linear.propagation import Propagator, held_through, sampled_noise, zero_order_hold
 from invtrack.linear.state_space import Measurement, StateSpace
 from invtrack.references.exosystem import Exosystem
-
-Array = NDArray[np.float64]
 
 
 class Observer(Protocol):

@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import require_not_negative
+from invtrack.arrays import Array, Indices, require_not_negative
 from invtrack.control.gains import GainSchedule
 from invtrack.control.observer import Observer, measured
 from invtrack.control.protocol import Instants, numbered
@@ -18,8 +18,6 @@ from invtrack.errors import ControlError
 from invtrack.linear.propagation import held_through
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +67,7 @@ class OutputFeedbackLaw:
         expected: Array,
         drift: Array,
         designs: list[EstimatorDesign],
-        which: NDArray[np.intp],
+        which: Indices,
     ) -> None:
         self._feedforward, self._x_ref, self._expected, self._drift = feedforward, x_ref, expected, drift
         self._designs, self._which = designs, which.tolist()
@@ -181,10 +179,10 @@ class OutputFeedbackController(PlanFollower):
 
 def _design_holds(
     model: SwitchedSystem, gains: GainSchedule, observer: Observer, instants: Instants
-) -> tuple[list[EstimatorDesign], NDArray[np.intp]]:
+) -> tuple[list[EstimatorDesign], Indices]:
     """The distinct designs, and which (m,) of them each hold has: one serves all holds that agree in plant, gain and length."""
 
-    def interval(inside: Array) -> NDArray[np.intp]:
+    def interval(inside: Array) -> Indices:
         """Number of the model in force among the distinct ones."""
         return model.numbers[model.interval(inside)]
 
@@ -208,7 +206,7 @@ def _measured_in(model: SwitchedSystem, instants: Instants, x: Array) -> Array:
     return expected
 
 
-def _drift(x_ref: Array, v: Array, designs: list[EstimatorDesign], which: NDArray[np.intp]) -> Array:
+def _drift(x_ref: Array, v: Array, designs: list[EstimatorDesign], which: Indices) -> Array:
     """A_d x_ref + B_d v less the next x_ref (m, n), for wanted states x_ref (m, n) and inputs v = u - u0 (m, p); last row zero.
 
     By this the deviation changes over a hold although nothing disturbs the plant: because the input is held, above all where the

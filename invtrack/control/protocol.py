@@ -8,12 +8,11 @@ from itertools import pairwise
 from typing import Literal, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.control.gains import GainSchedule
 from invtrack.plans.plan import Difference, Plan
 
-Array = NDArray[np.float64]
 Key = TypeVar("Key", bound=Hashable)
 
 Segments = tuple[tuple[int, float], ...]
@@ -41,7 +40,7 @@ class Instants:
     time: Array
     hold: Array
     inside: Array
-    first: NDArray[np.intp]
+    first: Indices
     part_middle: Array
     part_inside: Array
     part_share: Array
@@ -60,11 +59,11 @@ class Instants:
         return np.asarray(np.add.reduceat(values, self.first, axis=0))
 
     @property
-    def part_owner(self) -> NDArray[np.intp]:
+    def part_owner(self) -> Indices:
         """Number of the hold that each part belongs to (k,)."""
         return np.repeat(np.arange(len(self.time)), np.diff(self.first, append=len(self.part_share)))
 
-    def segments(self, interval: Callable[[Array], NDArray[np.intp]]) -> list[Segments]:
+    def segments(self, interval: Callable[[Array], Indices]) -> list[Segments]:
         """What each hold runs through: ((interval, seconds), ...), the parts in one and the same interval taken together.
 
         interval: index of the interval of something that switches, from times inside them. Holds are equal but for rounding within
@@ -78,7 +77,7 @@ class Instants:
         return [tuple(pairs[a:b]) for a, b in pairwise(edges)]
 
 
-def numbered(keys: Iterable[Key]) -> tuple[list[Key], NDArray[np.intp]]:
+def numbered(keys: Iterable[Key]) -> tuple[list[Key], Indices]:
     """The keys without repetition, in the order in which they first come, and which (m,) of them each is."""
     numbers: dict[Key, int] = {}
     which = np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.intp)
@@ -149,7 +148,7 @@ class AffineLaw:
 
     estimate = None
 
-    def __init__(self, offset: Array, gains: Sequence[Array], which: NDArray[np.intp]) -> None:
+    def __init__(self, offset: Array, gains: Sequence[Array], which: Indices) -> None:
         self.offset = offset
         self._gains = gains
         self._row_gains = [np.hstack([-gain, np.eye(len(gain))]) for gain in gains]

@@ -6,15 +6,13 @@ from abc import ABC, abstractmethod
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import require_duration
+from invtrack.arrays import Array, require_duration
 from invtrack.control.gains import GainSchedule
 from invtrack.control.protocol import AffineLaw, DifferenceLaw, Instants, Law
 from invtrack.errors import ControlError
 from invtrack.plans.plan import Plan
-
-Array = NDArray[np.float64]
 
 
 class PlanFollower(ABC):

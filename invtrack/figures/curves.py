@@ -13,15 +13,11 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import InvtrackError
 from invtrack.figures.style import FAINT, REFERENCE, draw_line, draw_magnitudes, line_looks, new_figure, shared_style, within
 from invtrack.plans.plan import Plan, Samples
-
-Array = NDArray[np.float64]
-
-ComplexArray = NDArray[np.complex128]
 
 Line = tuple[Array, Array]
 """Times (m,) [s] and values (m,)."""

@@ -14,8 +14,8 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import InvtrackError
 from invtrack.files import replaced_when_complete
 from invtrack.results.result import RunResult
@@ -58,8 +58,6 @@ _STYLE: dict[Any, Any] = {
     "ytick.color": INK,
     "ytick.labelsize": 8,
 }
-
-Array = NDArray[np.float64]
 
 MAX_BINS = 1500  # about one for each pixel that a panel is wide
 

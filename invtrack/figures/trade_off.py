@@ -9,12 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import InvtrackError
 from invtrack.figures.style import INK, line_looks, new_figure, shared_style
 
-Array = NDArray[np.float64]
 Curves = Mapping[str, Sequence[float]]
 
 INCHES_PER_PANEL = 1.9

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import BoundednessError, CompatibilityError, TrajectoryError
 from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
 from invtrack.linear.state_space import StateSpace
@@ -19,8 +19,6 @@ from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import SAME_ROW_TOLERANCE, TwoSidedProblem, TwoSidedSolution, two_sided_problem
 from invtrack.references.signal import Generator, PiecewiseSignal
-
-Array = NDArray[np.float64]
 
 CONSISTENCY_TOLERANCE = 1e-7
 """Conditions without unknowns left must hold to this share of the size of their terms."""

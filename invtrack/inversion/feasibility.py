@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import (
     BoundednessError,
     CompatibilityError,
@@ -28,8 +28,6 @@ from invtrack.linear.zeros import ZeroReport, zero_report
 from invtrack.plans.problem import PlanningProblem, require_reference
 from invtrack.plans.two_sided_problem import SAME_ROW_TOLERANCE, TwoSidedSolution
 from invtrack.references.signal import PiecewiseSignal
-
-Array = NDArray[np.float64]
 
 CONDITIONS: dict[type[InvtrackError], str] = {
     TrajectoryError: "smoothness of the reference",

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import InversionError, NonHyperbolicError
 from invtrack.inversion.exact import bounded_solution, require_smooth
 from invtrack.inversion.modified.modified_dynamics import has_equilibrium, undivided_dynamics
@@ -20,8 +20,6 @@ from invtrack.references.signal import Generator, PiecewiseSignal
 
 REPEATED_TOLERANCE = 1e-6
 """Zeros on the axis that are closer than this share of the largest zero are one repeated zero."""
-
-Array = NDArray[np.float64]
 
 CONDITION_LIMIT = 1e14
 """Largest condition number, in the best of units, with which the equations of the steady state still count as solvable."""

@@ -7,13 +7,10 @@ from typing import Literal
 import numpy as np
 import scipy  # loads scipy.optimize at its first use
 import scipy.linalg
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, ComplexArray
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 ZeroKind = Literal["transmission zero", "uncontrollable mode", "unobservable mode", "uncontrollable and unobservable mode"]
 """Transmission zeros act on the transfer function; the others are decoupling zeros: input, output, input-output (Rosenbrock)."""

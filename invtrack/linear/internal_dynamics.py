@@ -10,14 +10,12 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import NonHyperbolicError
 from invtrack.linear.hidden_modes import zero_kinds
 from invtrack.linear.normal_form import NormalForm, normal_form
 from invtrack.linear.propagation import Propagator
 from invtrack.linear.state_space import StateSpace
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 AXIS_TOLERANCE = 1e-8
 """An eigenvalue counts as on the imaginary axis where |Re| is below this share of its magnitude."""

@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import RelativeDegreeError
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace, as_state_space
-
-Array = NDArray[np.float64]
 
 ROW_TOLERANCE = 1e-11
 """A row C_i A^k B counts as zero where it is below this share of |C_i| |A|^k |B|, the largest value its terms could add up to."""

@@ -10,9 +10,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.linear.scaling import balancing_scale
-
-Array = NDArray[np.float64]
 
 NODE_ANGLE = 1 / 16
 """Distance of the nodes from which Taylor series start, times the norm of M."""
@@ -58,7 +57,7 @@ class Propagator:
         """exp(M tau_i) v_i for states v (m, q) and times tau (m,) [s]: (m, q)."""
         return self.outputs(np.eye(len(self._M)), v, np.arange(len(tau)), tau)
 
-    def outputs(self, X: Array, v: Array, owner: NDArray[np.intp], tau: Array, *, resolution: float = 0.0) -> Array:
+    def outputs(self, X: Array, v: Array, owner: Indices, tau: Array, *, resolution: float = 0.0) -> Array:
         """X exp(M tau_i) v[owner_i] for X (k, q), states v (g, q), owner (m,) and tau (m,) [s]: (m, k).
 
         Times that stand in order, or in ordered stretches, share most of the work; long stretches of evenly spaced ones nearly all
@@ -106,7 +105,7 @@ class Propagator:
         self._scattered(self._series(np.eye(len(self._M))), v, np.arange(len(v)), tau, result)
         return result
 
-    def _scattered(self, series: Array, v: Array, owner: NDArray[np.intp], tau: Array, result: Array) -> None:
+    def _scattered(self, series: Array, v: Array, owner: Indices, tau: Array, result: Array) -> None:
         for first in range(0, len(tau), CHUNK):
             part = slice(first, first + CHUNK)
             self._chunk(series, v, owner[part], tau[part], result[part])
@@ -119,7 +118,7 @@ class Propagator:
             terms.append(term)
         return np.hstack([term.T for term in reversed(terms)])
 
-    def _chunk(self, series: Array, v: Array, owner: NDArray[np.intp], tau: Array, result: Array) -> None:
+    def _chunk(self, series: Array, v: Array, owner: Indices, tau: Array, result: Array) -> None:
         count = np.rint(tau / self._step)
         remainder = (tau / self._step - count)[:, None]
         new_cell = np.ones(len(tau), dtype=bool)

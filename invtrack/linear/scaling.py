@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg.lapack
 import scipy.sparse.csgraph
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.linear.switched import SwitchedSystem
-
-Array = NDArray[np.float64]
 
 LARGEST_SCALE = 2.0**60
 """Bound on a scale and its inverse: where parts of a matrix do not act on each other, nothing else limits what is between them."""

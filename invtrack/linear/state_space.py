@@ -7,12 +7,11 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.errors import ModelError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array, Indices, increasing_times
 from invtrack.channels import Channels
-from invtrack.checks import increasing_times
 from invtrack.errors import ModelError
 from invtrack.linear.state_space import OperatingPoint, StateSpace, as_state_space
 
@@ -36,9 +36,9 @@ class SwitchedSystem:
     """
 
     systems: tuple[StateSpace, ...]
-    switch_times: NDArray[np.float64]
+    switch_times: Array
     distinct: tuple[StateSpace, ...] = field(init=False)
-    numbers: NDArray[np.intp] = field(init=False)
+    numbers: Indices = field(init=False)
 
     def __init__(self, systems: Sequence[Any], switch_times: ArrayLike = ()) -> None:
         models = tuple(as_state_space(system) for system in systems)
@@ -111,7 +111,7 @@ class SwitchedSystem:
         changes = [(t, {name: v for name, v in new.parameters.items() if v != old.parameters[name]}) for t, (old, new) in pairs]
         return tuple((time, values) for time, values in changes if values)
 
-    def interval(self, t: ArrayLike) -> NDArray[np.intp]:
+    def interval(self, t: ArrayLike) -> Indices:
         """Index of the interval that holds each time; a switch time itself belongs to the interval that it starts."""
         return np.searchsorted(self.switch_times, np.asarray(t, dtype=float), side="right")
 
@@ -141,7 +141,7 @@ def _require_same_frame(first: StateSpace, model: StateSpace, k: int) -> None:
         )
 
 
-def slowest_flexible_period(A: NDArray[np.float64]) -> float:
+def slowest_flexible_period(A: Array) -> float:
     """Period 2 pi / |Im s| [s] of the slowest oscillatory eigenvalue s of A (n, n); NaN where nothing oscillates."""
     eigenvalues = np.linalg.eigvals(A)
     frequencies = np.abs(eigenvalues.imag)

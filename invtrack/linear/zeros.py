@@ -6,14 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from invtrack.arrays import ComplexArray
 from invtrack.linear.hidden_modes import ZeroKind, zero_kinds
 from invtrack.linear.internal_dynamics import format_zeros, internal_dynamics, on_axis
 from invtrack.linear.state_space import as_state_space
-
-ComplexArray = NDArray[np.complex128]
 
 NEAR_AXIS = 0.1
 """A zero is called near the imaginary axis where |Re| is below this share of its magnitude."""

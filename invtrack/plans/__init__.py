@@ -3,8 +3,8 @@
 from invtrack.plans.certificate import Certificate
 from invtrack.plans.export import export_plan, read_plan, sampled_plan
 from invtrack.plans.plan import Plan, Samples
-from invtrack.plans.plan_file import SampledPlan
 from invtrack.plans.preactuation import PreactuationBound, preactuation_bound
+from invtrack.plans.sampled import SampledPlan
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import PolynomialSegments, Trajectory, TwoSidedSegments
 

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from invtrack.arrays import Array
 
 RANK_TOLERANCE = 1e-9
 """A pivot below this share of the largest one of its block counts as zero (rows and unknowns come scaled to unit size)."""

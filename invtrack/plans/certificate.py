@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.errors import PlanError
 from invtrack.linear.scaling import comparable_size, unit_ratios
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
-
-Array = NDArray[np.float64]
 
 PANEL_ANGLE = 1.0
 """Largest panel length times the norm of a piece's fastest dynamics; 10 Gauss points are then exact to rounding."""
@@ -101,7 +99,7 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     )
 
 
-def _panels(trajectory: Trajectory, switch_times: Array, span: tuple[float, float]) -> tuple[Array, Array, NDArray[np.intp]]:
+def _panels(trajectory: Trajectory, switch_times: Array, span: tuple[float, float]) -> tuple[Array, Array, Indices]:
     """Starts, ends and pieces of the panels, none of which crosses a breakpoint or a switch time."""
     inner = trajectory.breakpoints
     first, last = min(span[0], inner[0]), max(span[1], inner[-1])

@@ -6,14 +6,11 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import FileError, TrajectoryError
 from invtrack.plans.plan import Plan
-from invtrack.plans.plan_file import SampledPlan, read_samples, write_plan
-from invtrack.plans.sampled import origin_of, plan_from
-
-Array = NDArray[np.float64]
+from invtrack.plans.sampled import SampledPlan, origin_of, plan_from, read_samples, write_samples
 
 Inputs = Literal["midpoint", "average", "sample"]
 
@@ -35,11 +32,11 @@ def export_plan(
     start: float | None = None,
     end: float | None = None,
 ) -> Path:
-    """Write `sampled_plan` to a file, .csv or .npz by its suffix, in one piece; returns the path.
+    """Write `sampled_plan` to a CSV file in one piece; returns the path.
 
-    Raises TrajectoryError as `sampled_plan` does, for another suffix, and where the file cannot be written.
+    Raises TrajectoryError as `sampled_plan` does; FileError for another suffix than .csv, and where the file cannot be written.
     """
-    return write_plan(sampled_plan(plan, rate=rate, inputs=inputs, start=start, end=end), path)
+    return write_samples(sampled_plan(plan, rate=rate, inputs=inputs, start=start, end=end), path)
 
 
 def read_plan(path: str | Path) -> Plan:

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
 
-Array = NDArray[np.float64]
 Difference = Callable[[Array, Array], Array]
 
 

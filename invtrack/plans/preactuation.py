@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy  # loads scipy.optimize at its first use
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import TrajectoryError
 from invtrack.linear.propagation import flow
 from invtrack.plans.plan import Plan
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 UNEXCITED = 1e-12
 """A mode with less than this share of the input before the manoeuvre is rounding."""

@@ -8,8 +8,8 @@ from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.errors import PlanError, TrajectoryError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
@@ -19,8 +19,6 @@ from invtrack.plans.trajectory import Trajectory
 from invtrack.references.profiles import constant
 from invtrack.references.signal import PiecewiseSignal
 
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 PlanType = TypeVar("PlanType", bound=Plan)
 
 LARGEST_DECAY = 3.0

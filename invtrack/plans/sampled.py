@@ -1,30 +1,111 @@
-"""Plans as rows of samples with their origin, and back: polynomials from row to row."""
+"""Plans as rows of samples in a CSV file, with their origin, and back: polynomials from row to row."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array
 from invtrack.channels import Channels
+from invtrack.errors import FileError, TrajectoryError
+from invtrack.files import read_table, write_table
 from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
 from invtrack.plans.plan import Plan
-from invtrack.plans.plan_file import SampledPlan
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import PolynomialSegments, Trajectory
 from invtrack.references.profiles import piecewise_polynomial
 from invtrack.references.samples import sampled_reference
 from invtrack.references.signal import PiecewiseSignal
 
-Array = NDArray[np.float64]
+TIME = "time [s]"
+
+ORIGIN = "origin: "
+"""Begins the comment in a CSV file that holds the origin."""
+
+ARRAYS = ("u_ff", "x_ref", "y_d", "y")
 
 FEWEST_SAMPLES = 4
 """Of fewer rows the wanted output is taken as linear between them."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledPlan:
+    """A planned trajectory at m instants: time (m,) [s], u_ff (m, p), x_ref (m, n), y_d (m, p) and planned y (m, p).
+
+    What u_ff holds for the time after each instant is said in `notes`. names: per array its channels, with [unit] where known.
+    origin: what the rows do not say of the plan that they come from, its linear model included, as JSON.
+
+    Raises TrajectoryError where shapes do not fit.
+    """
+
+    time: Array
+    u_ff: Array
+    x_ref: Array
+    y_d: Array
+    y: Array
+    names: Mapping[str, tuple[str, ...]]
+    notes: tuple[str, ...] = field(default=())
+    origin: str = ""
+
+    def __post_init__(self) -> None:
+        if self.time.ndim != 1 or set(self.names) != set(ARRAYS):
+            raise TrajectoryError(
+                f"expected times (m,) and names for {', '.join(ARRAYS)}, got {self.time.shape} and {list(self.names)}"
+            )
+        for array in ARRAYS:
+            expected, shape = (len(self.time), len(self.names[array])), getattr(self, array).shape
+            if shape != expected:
+                raise TrajectoryError(f"{array} has shape {shape}, expected {expected} for its times and names")
+
+
+def write_samples(samples: SampledPlan, path: str | Path) -> Path:
+    """Write the rows in one piece: the path shows the old file or all of the new one.
+
+    A header row ("time [s]", "u_ff.<name>", "x_ref.<name>", "y_d.<name>", "y.<name>"), the notes and the origin as comments behind
+    #, rows with 17 significant digits, from which the same bits are read back.
+
+    Raises FileError for a suffix other than .csv, or where the file cannot be written.
+    """
+    path = _csv(path)
+    columns = [TIME, *(f"{array}.{name}" for array in ARRAYS for name in samples.names[array])]
+    values = np.column_stack([samples.time, *(getattr(samples, array) for array in ARRAYS)])
+    write_table(path, columns, values, (*samples.notes, *([ORIGIN + samples.origin] if samples.origin else [])))
+    return path
+
+
+def read_samples(path: str | Path) -> SampledPlan:
+    """The rows that `export_plan` wrote, bit for bit. Raises FileError where the file cannot be read or holds no plan."""
+    table = read_table(_csv(path), lambda header: range(len(header)))
+    owners = [column.partition(".")[0] for column in table.columns]
+    expected = [TIME, *sorted(owners[1:], key=lambda owner: (*ARRAYS, owner).index(owner))]
+    if owners != expected or set(owners[1:]) != set(ARRAYS):
+        raise FileError(
+            f"{path} is not a plan file: expected columns time, {', '.join(ARRAYS)} as export_plan writes them, got: "
+            f"{', '.join(table.columns)}"
+        )
+    groups = {array: [i for i, owner in enumerate(owners) if owner == array] for array in ARRAYS}
+    return SampledPlan(
+        time=table.values[:, 0],
+        **{array: table.values[:, columns] for array, columns in groups.items()},
+        names={array: tuple(table.columns[i].partition(".")[2] for i in columns) for array, columns in groups.items()},
+        notes=tuple(text for text in table.comments if not text.startswith(ORIGIN)),
+        origin=next((text.removeprefix(ORIGIN) for text in table.comments if text.startswith(ORIGIN)), ""),
+    )
+
+
+def _csv(path: str | Path) -> Path:
+    path = Path(path)
+    if path.suffix.lower() != ".csv":
+        raise FileError(f"expected a plan file that ends in .csv, got {path.name!r}")
+    return path
 
 
 def origin_of(plan: Plan, *, inputs: str, end: float) -> str:

@@ -6,12 +6,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.linear.propagation import Propagator, flow
 from invtrack.linear.scaling import pace_of
-
-Array = NDArray[np.float64]
 
 SAMPLES = 2000
 """Resolution with which a decay time is found, in shares of itself."""

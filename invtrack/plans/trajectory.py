@@ -8,15 +8,13 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array, Indices
 from invtrack.linear.scaling import pace_of
 from invtrack.plans.tail import Tail
 from invtrack.plans.two_sided import DrivenSystem
 from invtrack.references.signal import selection
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 
 class Segments(Protocol):

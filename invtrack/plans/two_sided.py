@@ -12,13 +12,11 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import InversionError
 from invtrack.linear.propagation import Propagator
 from invtrack.plans.tail import Tail
-
-Array = NDArray[np.float64]
 
 RESONANCE = 1e-12
 """A mode of the reference within this share of the norms of both matrices of an eigenvalue coincides with it."""

@@ -9,17 +9,14 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.linear.propagation import Propagator, forced_states
 from invtrack.plans.boundary_value import BoundaryValueSolution, Conditions, solve
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.trajectory import Trajectory, TwoSidedSegments, grouped
 from invtrack.plans.two_sided import DrivenSystem, TwoSidedSystem, drive_units
 from invtrack.references.signal import Generator
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 SAME_ROW_TOLERANCE = 1e-9
 """A compatibility row whose coefficients are below this share of the size of their terms holds no unknown."""

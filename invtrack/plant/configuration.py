@@ -14,12 +14,11 @@ from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array
 from invtrack.errors import PlantError
 from invtrack.plant.elements import element_id
-
-Array = NDArray[np.float64]
 
 
 def state_of(model: mujoco.MjModel, x0: Array, qpos: ArrayLike, qvel: ArrayLike, act: ArrayLike = ()) -> Array:

@@ -27,14 +27,12 @@ from itertools import accumulate
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.errors import PlantError
 from invtrack.plant.elements import element_name, listed
 
 Callback = Callable[[mujoco.MjModel, mujoco.MjData], None]
-
-Array = NDArray[np.float64]
 
 MARK = "velocity_coupling"
 """What the names of a coupling's tuple and numeric contain; prefixes and suffixes (of <attach>, say) do not hide it."""
@@ -126,7 +124,7 @@ class VelocityCoupling:
         self.K.setflags(write=False)
 
     @cached_property
-    def dofs(self) -> NDArray[np.intp]:
+    def dofs(self) -> Indices:
         """The degrees of freedom of the coupled joints."""
         return np.array([dof for _, dof in self.joints], dtype=np.intp)
 

@@ -7,13 +7,13 @@ from collections.abc import Container, Iterable, Sequence
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.plant.units import control_unit, joint_unit, sensor_unit
 
-Addresses = NDArray[np.intp]
+Addresses = Indices
 
 OBJECTS = {
     "body": mujoco.mjtObj.mjOBJ_BODY,
@@ -85,7 +85,7 @@ def _control(model: mujoco.MjModel, name: str, actuators: Container[str]) -> tup
     return control_unit(model, actuator), int(model.actuator_ctrladr[actuator]) + component
 
 
-def control_limits(model: mujoco.MjModel, addresses: Addresses) -> NDArray[np.float64]:
+def control_limits(model: mujoco.MjModel, addresses: Addresses) -> Array:
     """Lowest and highest value (p, 2) that the actuators pass on of the controls at these addresses; infinite where unlimited."""
     limited = model.actuator_ctrllimited[addresses].astype(bool)
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL:

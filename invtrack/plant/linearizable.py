@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import PlantError
 from invtrack.plant.elements import element_name, listed
 from invtrack.plant.plant import Plant
 
-Array = NDArray[np.float64]
 _CONTACTS = (
     mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS,
     mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL,

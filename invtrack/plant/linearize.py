@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
 from invtrack.plant.configuration import configuration_of
@@ -22,8 +22,6 @@ from invtrack.plant.linearizable import (
     refuse_step_maps,
 )
 from invtrack.plant.plant import Plant
-
-Array = NDArray[np.float64]
 
 _OPTIONS = {"plant", "step", "equilibrium_tolerance", "allow_nonequilibrium"}
 

@@ -13,8 +13,9 @@ from types import MappingProxyType
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import OperatingPoint
@@ -31,8 +32,6 @@ from invtrack.plant.elements import (
 )
 from invtrack.plant.loading import compile_spec, load_model
 from invtrack.plant.parameters import Parameter
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

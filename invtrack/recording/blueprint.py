@@ -8,10 +8,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from invtrack.recording.layout import TIME, channels_by_unit, entity_path, unit_path
+from invtrack.arrays import Array
 from invtrack.recording.scene import Scene
+from invtrack.recording.series import TIME, channels_by_unit, entity_path, unit_path
 from invtrack.recording.shapes import visible_geoms
-from invtrack.results.result import Array, RunResult, Signal
+from invtrack.results.result import RunResult, Signal
 
 NOTICEABLE = 0.01
 """Share of the peak input from which on the plots show preactuation and postactuation at first."""

@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 from rerun.error_utils import RerunWarning
 
+from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.errors import RecordingError
 from invtrack.files import replaced_when_complete
 from invtrack.recording.blueprint import make_blueprint
-from invtrack.recording.layout import (
+from invtrack.recording.scene import Scene, make_scene, send_scene
+from invtrack.recording.series import (
     ARCHETYPE,
     FORMAT,
     HELD,
@@ -31,12 +33,11 @@ from invtrack.recording.layout import (
     STEP,
     channels_by_unit,
     entity_path,
+    send_series,
     time_columns,
     unit_path,
 )
-from invtrack.recording.scene import Scene, make_scene, send_scene
-from invtrack.recording.series import send_series
-from invtrack.results.result import Array, Event, RunResult, Signal
+from invtrack.results.result import Event, RunResult, Signal
 
 METADATA, MJB, QPOS, SCALARS = f"{ARCHETYPE}:metadata", f"{ARCHETYPE}:mjb", f"{ARCHETYPE}:qpos", "Scalars:scalars"
 

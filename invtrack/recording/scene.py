@@ -12,8 +12,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import RecordingError
-from invtrack.recording.layout import entity_path, time_columns
+from invtrack.recording.series import entity_path, time_columns
 from invtrack.recording.shapes import (
     body_name,
     colored_shape,
@@ -26,7 +27,7 @@ from invtrack.recording.shapes import (
     to_bytes,
     visible_geoms,
 )
-from invtrack.results.result import Array, RunResult
+from invtrack.results.result import RunResult
 
 FRAME_RATE = 60.0
 """Frames per second of simulated time."""

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.results.result import Array
+from invtrack.arrays import Array
 
 VISIBLE_GROUPS = range(3)
 """Geom groups that MuJoCo's own viewer shows unless told otherwise."""

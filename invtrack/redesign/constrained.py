@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import require_duration
+from invtrack.arrays import require_duration
 from invtrack.errors import RedesignError
 from invtrack.plans.plan import Plan
 from invtrack.plans.tail import Tail
@@ -18,8 +18,6 @@ from invtrack.redesign.limited.window import KEPT, LimitedProblem, free_excess, 
 from invtrack.redesign.limits import Bound, Limits, bounds_of
 from invtrack.redesign.quadratic import free_optimum
 from invtrack.references.signal import PiecewiseSignal
-
-Array = NDArray[np.float64]
 
 METHOD = "constrained redesign"
 

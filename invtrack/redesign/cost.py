@@ -8,16 +8,14 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import SEMIDEFINITE_TOLERANCE, hermitian_weight, real_weight, smallest_eigenvalue
+from invtrack.arrays import SEMIDEFINITE_TOLERANCE, Array, ComplexArray, hermitian_weight, real_weight, smallest_eigenvalue
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
 from invtrack.references.signal import PiecewiseSignal
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Matrices = TypeVar("Matrices", Array, ComplexArray)
 
 WeightLike = ArrayLike | Callable[[float], ArrayLike]

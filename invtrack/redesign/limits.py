@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import real_numbers, real_vector
+from invtrack.arrays import Array, real_numbers, real_vector
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem
-
-Array = NDArray[np.float64]
 
 Range = ArrayLike | tuple[ArrayLike, ArrayLike]
 """A number or one per channel: |value| at most that. A tuple (low, high) of two such: low <= value <= high."""

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import RedesignError
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.redesign.cost import Weights, square_root
 from invtrack.references.signal import Generator
-
-Array = NDArray[np.float64]
 
 AXIS_TOLERANCE = 1e-6
 """A mode counts as lying on the imaginary axis within this share of |A|: rounding splits double modes by sqrt(eps)."""

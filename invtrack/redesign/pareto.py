@@ -11,6 +11,7 @@ import numpy as np
 import scipy  # loads scipy.integrate at its first use
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import as_switched
 from invtrack.plans.plan import Plan
@@ -18,8 +19,6 @@ from invtrack.redesign.cost import cost
 from invtrack.redesign.limits import StateRow, state_row
 from invtrack.redesign.quadratic import quadratic_redesign
 from invtrack.references.signal import PiecewiseSignal
-
-Array = NDArray[np.float64]
 
 NO_WORSE = 1e-9
 """Share of a figure's largest value by which two points may differ and still count as equal in it."""

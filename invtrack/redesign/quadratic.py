@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from invtrack.errors import RedesignError, TrajectoryError
 from invtrack.plans.plan import Plan
@@ -18,8 +18,6 @@ from invtrack.plans.two_sided_problem import Driveable, two_sided_problem
 from invtrack.redesign.cost import FREE_HOLDING, ROUNDING, Weights, as_weights, without_rounding
 from invtrack.redesign.optimum import optimum
 from invtrack.references.signal import Generator, PiecewiseSignal
-
-Array = NDArray[np.float64]
 
 
 def quadratic_redesign(

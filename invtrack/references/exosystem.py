@@ -10,13 +10,11 @@ from typing import Literal
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import increasing_times, real_matrix, real_numbers, real_vector
+from invtrack.arrays import Array, Indices, increasing_times, real_matrix, real_numbers, real_vector
 from invtrack.errors import TrajectoryError
 from invtrack.references.signal import Generator, PiecewiseSignal
-
-Array = NDArray[np.float64]
 
 Outside = Literal["zero", "held"]
 
@@ -65,7 +63,7 @@ class Exosystem:
         return len(self.A)
 
     @cached_property
-    def numbers(self) -> NDArray[np.intp]:
+    def numbers(self) -> Indices:
         """Which of the distinct pairs (A_e, C_e) each interval has, (N + 1,)."""
         pairs = [(id(A_e), id(C_e)) for A_e, C_e in zip(self.A, self.C, strict=True)]
         place = {pair: number for number, pair in enumerate(dict.fromkeys(pairs))}
@@ -81,7 +79,7 @@ class Exosystem:
         """Number of outputs p."""
         return len(self.C[0])
 
-    def interval(self, t: ArrayLike) -> NDArray[np.intp]:
+    def interval(self, t: ArrayLike) -> Indices:
         """Index of the interval that holds each time; a switch time itself belongs to the interval that it starts."""
         return np.searchsorted(self.switch_times, np.asarray(t, dtype=float), side="right")
 
@@ -172,7 +170,7 @@ class Exosystem:
         generators = tuple(Generator(self.A[owner[j]], rows[owner[j]]) for j in first)
         return PiecewiseSignal(edges, generators, kind, self._anchors(x, time, edges, generators, kind))
 
-    def _anchors(self, x: Array, at: float, edges: Array, generators: Sequence[Generator], kind: NDArray[np.intp]) -> Array:
+    def _anchors(self, x: Array, at: float, edges: Array, generators: Sequence[Generator], kind: Indices) -> Array:
         """States at the start of each piece, of piece 0 at its end."""
         states = np.empty((len(edges), len(x)))
         after = int(np.searchsorted(edges, at))  # the first edge not before `at`

@@ -7,13 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg
 from numpy.polynomial import Polynomial
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import require_duration
+from invtrack.arrays import Array, require_duration
 from invtrack.errors import TrajectoryError
 from invtrack.references.signal import Generator, PiecewiseSignal, constant_generator
-
-Array = NDArray[np.float64]
 
 
 def rest_to_rest(

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.errors import TrajectoryError
 from invtrack.references.signal import JUMP_TOLERANCE, Generator, PiecewiseSignal
-
-Array = NDArray[np.float64]
 
 FEWEST_PIECES = 16
 """With fewer pieces a change from piece to piece is the shape of the motion, not noise in samples."""

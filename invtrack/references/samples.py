@@ -8,15 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import scipy  # loads scipy.interpolate at its first use
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import real_numbers
+from invtrack.arrays import Array, real_numbers
 from invtrack.errors import FileError, TrajectoryError
 from invtrack.files import read_table
 from invtrack.references.profiles import piecewise_polynomial
 from invtrack.references.signal import PiecewiseSignal
-
-Array = NDArray[np.float64]
 
 DEGREES = (1, 3, 5, 7)
 

@@ -10,11 +10,9 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.checks import increasing_times
+from invtrack.arrays import Array, Indices, increasing_times
 from invtrack.errors import TrajectoryError
 from invtrack.linear.propagation import Propagator
-
-Array = NDArray[np.float64]
 
 JUMP_TOLERANCE = 1e-9
 """A derivative counts as continuous where it jumps by less than this share of its largest value next to any breakpoint."""
@@ -59,7 +57,7 @@ class PiecewiseSignal:
 
     breakpoints: Array
     generators: tuple[Generator, ...]
-    kind: NDArray[np.intp]
+    kind: Indices
     anchors: Array
 
     def __post_init__(self) -> None:
@@ -81,7 +79,7 @@ class PiecewiseSignal:
         """First and last breakpoint [s]: before and after, the signal holds still if it is a rest-to-rest motion."""
         return float(self.breakpoints[0]), float(self.breakpoints[-1])
 
-    def locate(self, t: ArrayLike) -> NDArray[np.intp]:
+    def locate(self, t: ArrayLike) -> Indices:
         """Index of the piece that holds each time; a breakpoint belongs to the piece on its right."""
         return np.searchsorted(self.breakpoints, np.asarray(t, dtype=float), side="right")
 
@@ -97,7 +95,7 @@ class PiecewiseSignal:
         result = self._values(rows, piece, times)
         return result[0] if np.ndim(t) == 0 else result
 
-    def _values(self, rows: list[Array], piece: NDArray[np.intp], times: Array) -> Array:
+    def _values(self, rows: list[Array], piece: Indices, times: Array) -> Array:
         """rows[kind] w(t) at times taken in the pieces stated, (m, k)."""
         result = np.empty((len(times), len(rows[0])))
         since = times - self.breakpoints[np.maximum(piece - 1, 0)]
@@ -197,7 +195,7 @@ class PiecewiseSignal:
         return _side_by_side(self, other, lambda *rows: np.hstack(rows))
 
 
-def selection(mask: NDArray[np.bool_]) -> slice | NDArray[np.intp] | None:
+def selection(mask: NDArray[np.bool_]) -> slice | Indices | None:
     """Which entries a mask chooses: a slice where they are neighbours, which costs no copies; None where it chooses none."""
     chosen = np.flatnonzero(mask)
     if chosen.size == 0:

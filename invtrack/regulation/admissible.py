@@ -8,16 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.linear.normal_form import NormalForm, normal_form
 from invtrack.linear.scaling import RESOLVED, comparable_size, unit_ratios
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.exosystem import Exosystem
 from invtrack.regulation.map_pieces import column_weights, inner_times
-
-Array = NDArray[np.float64]
 
 JUMP_TOLERANCE = 1e-9
 """An entry of G counts as continuous where it jumps by less than this share of its size around the breakpoint."""

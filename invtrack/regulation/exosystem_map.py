@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.errors import PlanError, TrajectoryError
 from invtrack.inversion.exact import split_each
 from invtrack.linear.switched import SwitchedSystem, as_switched
@@ -35,8 +35,6 @@ from invtrack.regulation.map_pieces import (
     visibility,
 )
 from invtrack.regulation.regulation_map import PlanPieces, RegulationMap
-
-Array = NDArray[np.float64]
 
 
 def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10) -> RegulationMap:
@@ -121,7 +119,7 @@ def _finite(edge: float, away: float) -> float:
     return float(edge + away) if np.isfinite(away) else float(edge)
 
 
-def _map_problem(pieces: Sequence[MapPiece], kind: NDArray[np.intp], breakpoints: Array, unit: float) -> TwoSidedProblem:
+def _map_problem(pieces: Sequence[MapPiece], kind: Indices, breakpoints: Array, unit: float) -> TwoSidedProblem:
     """The equations of vec(Z_s), vec(Z_u), with N G continuous at every breakpoint and every piece an interval of its own.
 
     Rows of C* that hold unknowns (outputs that change with the plant) are conditions, the others are what decides which exosystem
@@ -158,7 +156,7 @@ def _plan_pieces(pieces: Sequence[MapPiece], solution: TwoSidedSolution, unit: f
     )
 
 
-def _boundary(trajectory: Trajectory, pieces: Sequence[MapPiece], kind: NDArray[np.intp], jumps: Jumps, admissible: Array) -> float:
+def _boundary(trajectory: Trajectory, pieces: Sequence[MapPiece], kind: Indices, jumps: Jumps, admissible: Array) -> float:
     """How far Z_s is from its particular solution just after the first breakpoint, and Z_u from its own just before the last one.
 
     From values of G inside the manoeuvre, on the admissible (weighted) states; where the plant is the same on both sides on all.

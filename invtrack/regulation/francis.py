@@ -7,16 +7,13 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import real_numbers
+from invtrack.arrays import Array, ComplexArray, real_numbers
 from invtrack.errors import InversionError, TrajectoryError
 from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace, as_state_space
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 CONDITION_LIMIT = 1e13
 """Largest condition number, in the best of units, of [A - s I, B; C, D] at an exosystem mode s that is not called a plant zero."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import InversionError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
@@ -19,8 +19,6 @@ from invtrack.regulation.francis import francis
 from invtrack.regulation.map_certificate import certify_map
 from invtrack.regulation.map_pieces import inner_times, map_breakpoints, unweighted, visibility
 from invtrack.regulation.regulation_map import PlanPieces, RegulationMap
-
-Array = NDArray[np.float64]
 
 
 def switched_francis(model: Any, exosystem: Exosystem) -> RegulationMap:

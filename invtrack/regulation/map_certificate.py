@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.errors import PlanError
 from invtrack.linear.scaling import unit_ratios
 from invtrack.linear.switched import SwitchedSystem
@@ -15,8 +15,6 @@ from invtrack.plans.trajectory import Trajectory
 from invtrack.references.exosystem import Exosystem
 from invtrack.regulation.admissible import entry_sizes
 from invtrack.regulation.map_pieces import column_weights
-
-Array = NDArray[np.float64]
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 
@@ -97,7 +95,7 @@ def certify_map(
     )
 
 
-def _panels(trajectory: Trajectory, span: tuple[float, float]) -> tuple[Array, Array, NDArray[np.intp]]:
+def _panels(trajectory: Trajectory, span: tuple[float, float]) -> tuple[Array, Array, Indices]:
     """Starts, ends and pieces of panels that cross no breakpoint, each short against the fastest dynamics of its piece."""
     inner = trajectory.breakpoints
     edges = np.concatenate([[min(span[0], inner[0] - 1.0)], inner, [max(span[1], inner[-1] + 1.0)]])

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.errors import InversionError
 from invtrack.inversion.exact import InverseSystem
 from invtrack.linear.internal_dynamics import SplitDynamics
@@ -18,8 +18,6 @@ from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.references.exosystem import Exosystem
 from invtrack.references.signal import Generator
 from invtrack.regulation.francis import francis
-
-Array = NDArray[np.float64]
 
 LARGEST_GROWTH = 3.0
 """Time constants of the exosystem within one piece: over more of them Z, relative to x_e, would grow or decay beyond e^3."""
@@ -102,7 +100,7 @@ class MapPiece:
 
 def map_pieces(
     plant: SwitchedSystem, splits: Sequence[SplitDynamics], exosystem: Exosystem, breakpoints: Array, weights: Array
-) -> tuple[list[MapPiece], NDArray[np.intp]]:
+) -> tuple[list[MapPiece], Indices]:
     """The distinct pieces, and which of them lies before, between and after the breakpoints, (m + 2,); weights: `visibility`."""
     exosystem = exosystem.weighted(weights)
     middles = inner_times(breakpoints)

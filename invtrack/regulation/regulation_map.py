@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import real_numbers
+from invtrack.arrays import Array, Indices, real_numbers
 from invtrack.errors import InversionError, TrajectoryError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
@@ -21,8 +21,6 @@ from invtrack.references.profiles import constant
 from invtrack.references.signal import PiecewiseSignal
 from invtrack.regulation.admissible import InadmissibleState
 from invtrack.regulation.map_certificate import RegulationCertificate
-
-Array = NDArray[np.float64]
 
 ADMISSIBLE_TOLERANCE = 1e-7
 """An exosystem state counts as admissible where its part outside the admissible subspace is below this share of it."""
@@ -37,7 +35,7 @@ class PlanPieces:
     """
 
     driven: tuple[DrivenSystem, ...]
-    which: NDArray[np.intp]
+    which: Indices
     Z_f: Array
     Z_b: Array
     first_b: Array

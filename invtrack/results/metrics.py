@@ -13,12 +13,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import InvtrackError
 from invtrack.plans.plan import Plan
 from invtrack.plans.preactuation import plan_preactuation_time
 from invtrack.results.result import RunResult
-
-Array = NDArray[np.float64]
 
 # Times on a run's grid are sums and quotients of floats: two that are meant to be equal differ by some units in the last place.
 TIME_TOLERANCE = 1e-9

@@ -7,12 +7,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

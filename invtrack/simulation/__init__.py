@@ -2,8 +2,7 @@
 
 from invtrack.simulation.closed_loop import simulate
 from invtrack.simulation.linear_plant import LinearPlant, LinearStageInput, LinearStepper
-from invtrack.simulation.sensors import Sensor
-from invtrack.simulation.simulated_plant import SimulatedPlant, StageInput, Stepper
+from invtrack.simulation.simulated_plant import Sensor, SimulatedPlant, StageInput, Stepper
 
 __all__ = [
     "LinearPlant",

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.control.protocol import Controller
 from invtrack.errors import SimulationError
@@ -28,11 +29,8 @@ from invtrack.simulation.preflight import (
     warn_of_unstable_holds,
     warn_of_unused_sensors,
 )
-from invtrack.simulation.sensors import Sensor, SensorChain
-from invtrack.simulation.simulated_plant import SimulatedPlant
+from invtrack.simulation.simulated_plant import Sensor, SensorChain, SimulatedPlant
 from invtrack.simulation.stepping import Progress, Recorded, Run
-
-Array = NDArray[np.float64]
 
 RESIDUAL_PERIODS = 5
 """A run goes on for this many periods of the slowest flexible mode after the manoeuvre, unless told otherwise."""

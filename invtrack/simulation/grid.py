@@ -6,12 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.control.protocol import Instants
 from invtrack.errors import SimulationError
-
-Array = NDArray[np.float64]
 
 SNAP = 1e-9
 """Breakpoints closer than this share of the largest step are one and the same, computed in two ways."""
@@ -33,7 +31,7 @@ class Grid:
     """
 
     edges: Array
-    first_step: NDArray[np.intp]
+    first_step: Indices
     step: Array
     time: Array
 
@@ -43,7 +41,7 @@ class Grid:
         return len(self.time) - 1
 
     @property
-    def interval(self) -> NDArray[np.intp]:
+    def interval(self) -> Indices:
         """Index of the interval of each step (N,)."""
         return np.repeat(np.arange(len(self.step)), np.diff(self.first_step))
 
@@ -95,7 +93,7 @@ def update_times(start: float, end: float, period: float | None) -> Array:
     return np.asarray(start + period * np.arange(count), dtype=float)
 
 
-def updates_of_steps(grid: Grid, times: Array) -> NDArray[np.intp]:
+def updates_of_steps(grid: Grid, times: Array) -> Indices:
     """Number of the update whose input holds in each step (N,): all different where `times` is empty."""
     if times.size == 0:
         return np.arange(grid.n_steps)
@@ -103,7 +101,7 @@ def updates_of_steps(grid: Grid, times: Array) -> NDArray[np.intp]:
     return np.searchsorted(times, middle, side="right") - 1
 
 
-def held_instants(grid: Grid, update: NDArray[np.intp]) -> Instants:
+def held_instants(grid: Grid, update: Indices) -> Instants:
     """One instant per update; the parts of its hold are the steps."""
     length = grid.step[grid.interval]
     first = np.flatnonzero(np.diff(update, prepend=-1))

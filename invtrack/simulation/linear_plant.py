@@ -7,15 +7,14 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
 from invtrack.linear.propagation import zero_order_hold
 from invtrack.linear.switched import as_switched
 from invtrack.simulation.simulated_plant import SimulatedPlant
-
-Array = NDArray[np.float64]
 
 
 class LinearPlant:

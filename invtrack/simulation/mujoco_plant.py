@@ -10,16 +10,14 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
 from invtrack.plant.configuration import configuration_of
 from invtrack.plant.couplings import mujoco_callbacks
 from invtrack.plant.plant import Plant
 from invtrack.simulation.simulated_plant import SimulatedPlant
-
-Array = NDArray[np.float64]
 
 STAGES_OF_RK4 = (0, 1, 1, 2)
 """At which of a step's three instants (start, middle, end) each of the four stages evaluates the input."""
@@ -76,7 +74,7 @@ class MujocoStepper:
         self._kept = slice(None) if not plant.dropped else plant.state_addresses
         self.raw_is_deviation = self.model.nq == self.model.nv and not np.any(self._x0) and not plant.dropped
 
-    def _control_and_step(self, inputs: NDArray[np.intp]) -> tuple[Array, Callable[[], None]]:
+    def _control_and_step(self, inputs: Indices) -> tuple[Array, Callable[[], None]]:
         """Where the input is written, and the function that takes a step."""
         ctrl, step = self.data.ctrl, self._with_forces(mujoco.mj_step)
         if np.array_equal(inputs, np.arange(inputs[0], inputs[0] + len(inputs))):

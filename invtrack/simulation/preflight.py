@@ -8,14 +8,13 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.control.protocol import Controller, Instants
 from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import SimulationError
 from invtrack.linear.propagation import zero_order_hold
 from invtrack.plant.parameters import Change
 from invtrack.simulation.simulated_plant import SimulatedPlant
-
-Array = NDArray[np.float64]
 
 STACK = 3
 """Warnings point at the line that called `simulate`."""

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.control.protocol import AffineLaw, Law
 from invtrack.plant.couplings import mujoco_warnings
 from invtrack.simulation.grid import Grid
-from invtrack.simulation.sensors import SensorChain
-from invtrack.simulation.simulated_plant import StageInput, Stepper
+from invtrack.simulation.simulated_plant import SensorChain, StageInput, Stepper
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], object]
 Parts = list[tuple[Array, Array]]  # columns of the record, each with the live array that is written there
 
@@ -56,7 +54,7 @@ class Run:
     stepper: Stepper
     law: Law
     grid: Grid
-    update: NDArray[np.intp]
+    update: Indices
     changes: dict[int, dict[str, float]]
     measures: Literal["state", "sensors"]
     sensors: SensorChain

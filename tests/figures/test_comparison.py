@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
 from invtrack.figures import around_figure, comparison_figure
 from invtrack.results import RunResult
@@ -40,7 +41,7 @@ def test_errors_above_inputs_with_units_and_a_legend_of_the_runs(runs: list[RunR
 def test_the_error_of_several_outputs_is_the_largest_of_them(runs: list[RunResult]) -> None:
     def twice(run: RunResult, factor: float) -> RunResult:
         def two(signal: object, values: np.ndarray) -> object:
-            return replace(signal, values=values, names=("a", "b"), units=("m", "m"))  # type: ignore[type-var]
+            return replace(signal, values=values, channels=Channels(["a", "b"], ["m", "m"]))  # type: ignore[type-var]
 
         wanted = np.repeat(run.reference.values, 2, axis=1)
         return replace(
@@ -67,7 +68,9 @@ def test_a_run_without_error_is_said_to_be_so_or_leaves_room_for_others(runs: li
 def test_runs_that_do_not_fit_are_refused(runs: list[RunResult]) -> None:
     with pytest.raises(InvtrackError, match="at least one run"):
         comparison_figure([])
-    other = replace(runs[0], name="rig", applied=replace(runs[0].applied, units=("N m",)))
+    other = replace(
+        runs[0], name="rig", applied=replace(runs[0].applied, channels=Channels(runs[0].applied.channels.names, ["N m"]))
+    )
     for draw in (comparison_figure, lambda both: around_figure(both, times=TIMES, before=0.2, after=0.2)):
         with pytest.raises(InvtrackError, match=r"'rig' has the applied channels base_force \[N m\], expected .* \[N\]"):
             draw([runs[0], other])

@@ -9,7 +9,7 @@ import pytest
 
 import invtrack
 from invtrack.errors import SimulationError
-from invtrack.simulation.sensors import SensorChain
+from invtrack.simulation.simulated_plant import SensorChain
 from tests.simulation.rigs import JUMPS, Rig, cantilever_rig
 
 POLES = (-2 + 2j, -2 - 2j, -1.5 + 1j, -1.5 - 1j, -1 + 0.5j, -1 - 0.5j)

@@ -6,17 +6,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.errors import InversionError
 from invtrack.inversion.modified.design_problem import Candidate, DesignProblem, Solved, with_least_squares, without_feedforward
 from invtrack.inversion.modified.direction_search import best_directions
 from invtrack.inversion.modified.modified_dynamics import ModifiedDynamics, equilibrium, modified_dynamics
 from invtrack.inversion.modified.placement import MovablePart, robust_gain, structured_gain
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 def robust_design(problem: DesignProblem) -> Solved:

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.inversion.exact import BoundedSolution, bounded_solution
 from invtrack.inversion.modified.modified_dynamics import ModifiedDynamics, derivative_columns
 from invtrack.inversion.modified.placement import MovablePart
@@ -19,8 +20,6 @@ from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
 
-Array = NDArray[np.float64]
-
 NODES = 4
 """Gauss points per panel."""
 
@@ -29,8 +28,6 @@ PANELS = 400
 
 TIME_CONSTANTS = 9.0
 """How many time constants of the slowest pole placed are looked at before and after the manoeuvre: its square is then 1e-8."""
-
-ComplexArray = NDArray[np.complex128]
 
 NO_EFFECT = 1e-12
 """A term of L changes nothing where its error is below this share of the largest term's; least squares leaves it at zero."""
@@ -45,7 +42,7 @@ class ErrorSamples:
     """Quadrature nodes (m,) [s], the pieces of the trajectory they lie in, and weights (m,): the integral of f is weights @ f."""
 
     times: Array
-    pieces: NDArray[np.intp]
+    pieces: Indices
     weights: Array
 
     def errors(self, trajectory: Trajectory, reference: PiecewiseSignal, scale: Array) -> Array:
@@ -54,7 +51,7 @@ class ErrorSamples:
         return np.sqrt(self.weights)[:, None] * (y - reference(self.times)) / scale
 
 
-def error_samples(breakpoints: Array, poles: NDArray[np.complex128]) -> ErrorSamples:
+def error_samples(breakpoints: Array, poles: ComplexArray) -> ErrorSamples:
     """Samples that resolve the poles placed, over the manoeuvre and TIME_CONSTANTS of the slowest of them on both sides."""
     tail = TIME_CONSTANTS / float(np.min(np.abs(poles.real)))
     panel = 1.0 / float(np.max(np.abs(poles)))

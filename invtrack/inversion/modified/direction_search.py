@@ -8,14 +8,12 @@ import numpy as np
 import scipy  # loads scipy.optimize and scipy.signal, which cost a second, at their first use
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.inversion.modified.design_problem import TIME_CONSTANTS, best_weights
 from invtrack.inversion.modified.modified_dynamics import Equilibrium, derivative_columns
 from invtrack.inversion.modified.placement import MovablePart, distinct, integrator_chains
 from invtrack.linear.internal_dynamics import InternalDynamics
 from invtrack.references.signal import PiecewiseSignal
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 GRID = 3000
 """Points of time at most on which the search looks at the error; the choice found is worked out exactly afterwards."""
@@ -46,7 +44,7 @@ class _Modes:
 
     part: MovablePart
     poles: ComplexArray
-    owner: NDArray[np.intp]
+    owner: Indices
     D: Array
     responses: ComplexArray
     output_scale: Array

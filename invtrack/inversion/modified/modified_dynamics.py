@@ -6,17 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, ComplexArray
 from invtrack.inversion.exact import Correction
 from invtrack.inversion.modified.placement import MovablePart, integrator_chains
 from invtrack.linear.internal_dynamics import AXIS_TOLERANCE, InternalDynamics, SplitDynamics, internal_dynamics, split_by
 from invtrack.linear.normal_form import NormalForm
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.switched import SwitchedSystem
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,9 @@ from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import InversionError
 from invtrack.inversion.exact import require_smooth
 from invtrack.inversion.modified.design import least_error_design, robust_design
@@ -25,8 +26,6 @@ from invtrack.plans.plan import Plan
 from invtrack.plans.problem import PlanningProblem
 from invtrack.references.signal import PiecewiseSignal
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Design = Literal["least error", "robust"]
 
 HELD_TOLERANCE = 1e-9

@@ -9,13 +9,11 @@ from numbers import Complex
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.errors import InversionError, NonHyperbolicError
 from invtrack.linear.hidden_modes import zero_kinds
 from invtrack.linear.internal_dynamics import AXIS_TOLERANCE, REMEDIES, InternalDynamics, format_zeros, on_axis
 from invtrack.linear.state_space import StateSpace
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 NAME_TOLERANCE = 1e-3
 """A zero named by a user is the one within this share of its magnitude: four digits, as printed, are enough."""
@@ -123,7 +121,7 @@ def _fits(zeros: ComplexArray, near: float, name: complex) -> bool:
     return bool(np.min(np.abs(zeros - name), initial=np.inf) <= max(NAME_TOLERANCE * abs(name), near))
 
 
-def _named(zeros: ComplexArray, imag: Array, near: float, name: complex, target: complex) -> list[tuple[NDArray[np.intp], complex]]:
+def _named(zeros: ComplexArray, imag: Array, near: float, name: complex, target: complex) -> list[tuple[Indices, complex]]:
     """The zeros (repeated ones together) that a name means, and their conjugates, with their targets; none where it fits none."""
     if not _fits(zeros, near, name):
         return []

@@ -11,12 +11,10 @@ import scipy  # loads scipy.optimize and scipy.signal, which cost a second, at t
 import scipy.linalg
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import InversionError
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros
 from invtrack.linear.normal_form import NormalForm
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 PLACED_TOLERANCE = 1e-4
 """Placed poles must be met to this share of the largest; a repeated pole of multiplicity k only to the k-th root of rounding."""

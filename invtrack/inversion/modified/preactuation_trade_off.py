@@ -8,8 +8,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import InversionError
 from invtrack.inversion.modified.modified_inversion import ModifiedTrajectory, modified_inversion
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named
@@ -18,9 +18,6 @@ from invtrack.linear.switched import as_switched
 from invtrack.linear.zeros import zeros
 from invtrack.plans.preactuation import plan_preactuation_time
 from invtrack.references.signal import PiecewiseSignal
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 SCAN = 9
 """Real parts, evenly spaced in the logarithm, among which a bracket is looked for."""

@@ -6,17 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.linear.propagation import transition_and_gramian
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.tail import Tail
 from invtrack.redesign.cost import Weights
 from invtrack.references.signal import JUMP_TOLERANCE, Generator, PiecewiseSignal
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 SAME_LENGTH_DIGITS = 10
 """Steps whose lengths agree to this many digits share their matrices."""

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import Trajectory
 from invtrack.redesign.limited.discretization import Grid
 from invtrack.redesign.limits import Bound
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 TOUCHING = 1e-5
 """A value nearer to its limit than this share of the limit's size counts as on it."""

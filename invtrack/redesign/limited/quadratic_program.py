@@ -12,10 +12,9 @@ import scipy.sparse.linalg
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from invtrack.arrays import Array, Indices
 from invtrack.errors import RedesignError
 from invtrack.redesign.limits import Bound
-
-Array = NDArray[np.float64]
 
 GAP, SMALLEST_GAP, RESIDUAL = 1e-12, 1e-14, 1e-11
 """To which the duality gap is brought, as a share of the cost or of its largest weight, and the residuals of the constraints."""
@@ -78,7 +77,7 @@ class QuadraticProgram:
             "larger step, or bring weights and limits closer to each other"
         )
 
-    def least_loosening(self, group: NDArray[np.intp]) -> Array | None:
+    def least_loosening(self, group: Indices) -> Array | None:
         """Least t (groups,) >= 0, in sum, with G z <= h + t[group] for some z that meets E z = e; None where none is found.
 
         group (rows,): number of the group of each row of G, -1 where it must not be loosened.
@@ -86,7 +85,7 @@ class QuadraticProgram:
         z = self._elastic(group)._attempt().z
         return None if z is None else np.maximum(z[len(self.q) :], 0.0)
 
-    def _elastic(self, group: NDArray[np.intp]) -> QuadraticProgram:
+    def _elastic(self, group: Indices) -> QuadraticProgram:
         """Minimise the sum of t over [z; t], as in `least_loosening`."""
         m, k, rows = len(self.q), int(np.max(group)) + 1, np.flatnonzero(group >= 0)
         give = csr_array(scipy.sparse.coo_array((-np.ones(len(rows)), (rows, group[rows])), shape=(len(group), k)))
@@ -153,7 +152,7 @@ def _settings(regularization: float) -> clarabel.DefaultSettings:
     return settings
 
 
-def explain(program: QuadraticProgram, owner: NDArray[np.intp], bounds: Sequence[Bound]) -> str:
+def explain(program: QuadraticProgram, owner: Indices, bounds: Sequence[Bound]) -> str:
     """The limits whose least common loosening makes the programme solvable, and what each alone would have to become.
 
     owner: number of the bound behind each row of G, in units of the bound's size.

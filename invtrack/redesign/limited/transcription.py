@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from invtrack.arrays import Array, Indices
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import Trajectory, TwoSidedSegments, grouped
@@ -19,9 +19,6 @@ from invtrack.redesign.limited.discretization import Grid, ramp, tail_cost
 from invtrack.redesign.limited.limit_check import PathPoints
 from invtrack.redesign.limited.quadratic_program import QuadraticProgram
 from invtrack.redesign.limits import Bound
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 Entries = tuple[Array, Indices, Indices]
 

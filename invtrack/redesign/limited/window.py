@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, Indices
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.tail import Tail
@@ -18,8 +18,6 @@ from invtrack.redesign.limited.transcription import Transcription
 from invtrack.redesign.limits import Bound
 from invtrack.redesign.quadratic import FreeOptimum
 from invtrack.references.signal import PiecewiseSignal
-
-Array = NDArray[np.float64]
 
 TAIL_SHARE = 1e-2
 """Share of the peak to which the optimum without limits has decayed where the first window ends."""
@@ -241,7 +239,7 @@ def _widened(problem: LimitedProblem, margins: tuple[float, float], step: float,
     return wider[0], wider[1]
 
 
-def _exact(program: QuadraticProgram, owner: NDArray[np.intp], bounds: tuple[Bound, ...], z: Array) -> Array:
+def _exact(program: QuadraticProgram, owner: Indices, bounds: tuple[Bound, ...], z: Array) -> Array:
     """The solver's answer with the plant's equations met to rounding, and inputs and rates that touch their limits on them."""
     firm = np.array([bound.kind != "path" for bound in bounds])[owner]
     return program.nearest(z, firm & (program.h - program.G @ z <= SNAP))

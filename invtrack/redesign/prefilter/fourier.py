@@ -7,13 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy  # loads scipy.fft and scipy.interpolate at their first use
-from numpy.typing import NDArray
 
+from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.errors import RedesignError
 from invtrack.references.signal import Generator, PiecewiseSignal
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 OVERSAMPLING = 4
 """Samples per half period of the highest harmonic, for the interpolation between them."""
@@ -176,7 +173,7 @@ def rate_spectrum(reference: PiecewiseSignal, w: Array, origin: float) -> Comple
     return result
 
 
-def _by_quadrature(reference: PiecewiseSignal, index: int, pieces: NDArray[np.intp], w: Array, origin: float) -> ComplexArray:
+def _by_quadrature(reference: PiecewiseSignal, index: int, pieces: Indices, w: Array, origin: float) -> ComplexArray:
     """With the integral of R S exp((S - jw) tau) over a piece, which pieces of the same length share."""
     generator = reference.generators[index]
     starts = reference.breakpoints[pieces - 1]
@@ -205,7 +202,7 @@ def _transfer(generator: Generator, length: float, w: Array) -> ComplexArray:
     return flat.reshape(len(w), -1, q)
 
 
-def _by_resolvent(reference: PiecewiseSignal, index: int, pieces: NDArray[np.intp], w: Array, origin: float) -> ComplexArray:
+def _by_resolvent(reference: PiecewiseSignal, index: int, pieces: Indices, w: Array, origin: float) -> ComplexArray:
     generator = reference.generators[index]
     q = len(generator.S)
     starts, ends = reference.breakpoints[pieces - 1], reference.breakpoints[pieces]

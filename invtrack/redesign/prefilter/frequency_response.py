@@ -9,16 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import real_matrix
+from invtrack.arrays import Array, ComplexArray, real_matrix
 from invtrack.errors import RedesignError
 from invtrack.linear.state_space import StateSpace
 from invtrack.redesign.cost import FrequencyWeight
 from invtrack.redesign.prefilter.fourier import FourierWindow
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 AXIS_TOLERANCE = 1e-7
 """A pole of the optimum counts as on the axis where its real part is below this share of the fastest: it is a double one there."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from invtrack.checks import real_numbers, require_share
+from invtrack.arrays import Array, ComplexArray, real_numbers, require_share
 from invtrack.errors import RedesignError, TrajectoryError
 from invtrack.linear.switched import as_switched
 from invtrack.plans.problem import require_reference
@@ -23,9 +23,6 @@ from invtrack.redesign.prefilter.frequency_response import (
     time_scales,
 )
 from invtrack.references.signal import PiecewiseSignal
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 ZERO_TOLERANCE = 1e-12
 """G_y counts as singular where its smallest singular value is below this share of the terms it is the sum of."""

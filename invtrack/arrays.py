@@ -1,7 +1,4 @@
-"""Numbers that a user hands over, checked where they enter.
-
-Every check takes the name that its message speaks of and the class of the error that it raises, so that a room refuses in its own.
-"""
+"""Arrays as signatures speak of them (shapes stand in the docstrings), and checks of what users hand in."""
 
 from __future__ import annotations
 
@@ -13,7 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from invtrack.errors import InvtrackError, TrajectoryError
 
 Array = NDArray[np.float64]
+
 ComplexArray = NDArray[np.complex128]
+
+Indices = NDArray[np.intp]
+
+
 Refusal = type[InvtrackError]
 
 SYMMETRY_TOLERANCE = 1e-9
