@@ -89,8 +89,7 @@ def split_each(plant: SwitchedSystem) -> tuple[SplitDynamics, ...]:
     Zeros on the imaginary axis are refused in the first and the last interval, which have no end; over the others they stay
     bounded. Raises NonHyperbolicError, RelativeDegreeError.
     """
-    endless = {id(plant.systems[0]), id(plant.systems[-1])}
-    return plant.map(lambda system: split_dynamics(system, endless=id(system) in endless))
+    return plant.map(lambda system: split_dynamics(system, endless=plant.is_endless(system)))
 
 
 def _values(plant: StateSpace, split: SplitDynamics, x_rows: Array, y_r_rows: Array) -> Array:

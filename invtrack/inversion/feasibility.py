@@ -51,8 +51,7 @@ def feasibility(model: Any, reference: PiecewiseSignal) -> FeasibilityReport:
     plant = as_switched(model)
     require_reference(plant, reference)
     edges = [-np.inf, *plant.switch_times.tolist(), np.inf]
-    endless = {id(plant.systems[0]), id(plant.systems[-1])}
-    examined = plant.map(lambda system: _examine(system, endless=id(system) in endless))
+    examined = plant.map(lambda system: _examine(system, endless=plant.is_endless(system)))
     intervals = tuple(
         IntervalReport(start, end, zeros, "" if error is None else str(error))
         for start, end, (zeros, _, error) in zip(edges[:-1], edges[1:], examined, strict=True)

@@ -64,6 +64,10 @@ class SwitchedSystem:
         results = [function(model) for model in self.distinct]
         return tuple(results[number] for number in self.numbers)
 
+    def is_endless(self, system: StateSpace) -> bool:
+        """Whether one of the models holds before the first or after the last switch, for ever."""
+        return system is self.systems[0] or system is self.systems[-1]
+
     @property
     def n_states(self) -> int:
         """Number of states n."""

@@ -32,7 +32,7 @@ def visibility(exosystem: Exosystem, plant: SwitchedSystem) -> Array:
     """
     M = np.max(np.abs(exosystem.A), axis=0)
     shown: Array = np.max(np.abs(exosystem.C), axis=(0, 1))
-    matrices = [M, *{id(system): system.A for system in plant.systems}.values()]
+    matrices = [M, *(system.A for system in plant.distinct)]
     rate = max(float(np.max(np.abs(np.linalg.eigvals(matrix)))) for matrix in matrices)
     term = shown
     for _ in range(exosystem.n_states - 1):
