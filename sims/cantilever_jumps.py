@@ -74,14 +74,19 @@ def _cases(plant: invtrack.Plant, model: invtrack.SwitchedSystem, plan: invtrack
         case("inversion_continuous", exact, evaluate="stages"),
         case("feedforward_only", invtrack.TrackingController(plan)),
         case("feedback_only", static),
-        case("frozen_inversion", frozen, schedule=_schedule()),
-        case("payload_error", exact, schedule=_schedule(factor=1.05)),
+        case("frozen_inversion", frozen, schedule=_schedule(), vibration_period=_vibration_period(plant, MASSES[-1])),
+        case("payload_error", exact, schedule=_schedule(factor=1.05), vibration_period=_vibration_period(plant, 1.05 * MASSES[-1])),
         case("late_switch", exact, schedule=_schedule(delay=0.05)),
     ]
 
 
 def _schedule(*, factor: float = 1.0, delay: float = 0.0) -> list[invtrack.Change]:
     return [invtrack.Change(t + delay, tip_mass=factor * mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)]
+
+
+def _vibration_period(plant: invtrack.Plant, mass: float) -> float:
+    """That of the plant as it really is at the end, where the plan's model is another one."""
+    return invtrack.linear.slowest_flexible_period(invtrack.linearize(plant, tip_mass=mass).A)
 
 
 def _numbers(run: invtrack.RunResult) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.linear.normal_form import NormalForm, normal_form, relative_degree
 from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
-from invtrack.linear.switched import SwitchedSystem
+from invtrack.linear.switched import SwitchedSystem, slowest_flexible_period
 from invtrack.linear.zeros import Zero, ZeroReport, zero_report, zeros
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "format_zeros",
     "normal_form",
     "relative_degree",
+    "slowest_flexible_period",
     "zero_report",
     "zeros",
 ]

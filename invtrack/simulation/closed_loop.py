@@ -45,6 +45,7 @@ def simulate(
     start: float | None = None,
     end: float | None = None,
     evaluate: Literal["held", "stages"] = "held",
+    vibration_period: float | None = None,
     initial_state: ArrayLike | None = None,
     sensors: Mapping[str, Sensor] | None = None,
     seed: int = 0,
@@ -61,8 +62,10 @@ def simulate(
         LinearPlant has its own switch times in place of all this.
     timestep [s]: no step is longer; each interval between breakpoints (of schedule, controller, its updates and reference) is
         divided evenly.
-    start, end [s]: by default from the plan's preactuation until it has come to rest, and at least 5 periods of the slowest
-        flexible mode of the last interval of the plan's model after the manoeuvre.
+    start, end [s]: by default from the plan's preactuation until it has come to rest, and at least 5 vibration periods
+        after the manoeuvre.
+    vibration_period [s]: of the slowest flexible mode, in which residual vibration is counted; by default that of the last interval
+        of the plan's model, which may not be quite that of the plant.
     evaluate: "held" holds the feedforward's mean over each update's hold (error of order hold^2), "stages" evaluates the law at
         every stage of RK4 (order timestep^4).
     sensors: noise, quantization and delay of named measurements, for controllers that use them; seed: of the noise.
@@ -86,7 +89,7 @@ def simulate(
         require_known_parameters(simulated, changes)
     warn_of_limits(simulated, controller)
     warn_of_unused_sensors(controller, sensors or {})
-    period = slowest_flexible_period(plan.model.systems[-1].A)
+    period = slowest_flexible_period(plan.model.systems[-1].A) if vibration_period is None else float(vibration_period)
     if start is None and initial_state is None:
         warn_of_start(simulated, controller)
     start = plan.start if start is None else float(start)

@@ -102,8 +102,10 @@ def real_rig(plant: invtrack.Plant, name: str, plan: invtrack.Plan, seed: int) -
     values["disc1_mass"] *= real.disc1_inertia
     values["disc2_mass"] *= real.disc2_inertia
     values["shaft_stiffness"] *= real.stiffness
-    return invtrack.plant.with_coupling_scaled(plant, "velocity_coupling", real.coupling), {
+    mechanism = invtrack.plant.with_coupling_scaled(plant, "velocity_coupling", real.coupling)
+    return mechanism, {
         **run_settings(plan, after=AFTER),
+        "vibration_period": invtrack.linear.slowest_flexible_period(invtrack.linearize(mechanism, **values).A),
         "schedule": [invtrack.Change(plan.start, **values)],
         "sensors": {sensor: invtrack.Sensor(noise=NOISE, quantization=DIGIT) for sensor in MEASUREMENTS},
         "seed": real.seed + len(RIGS) * seed,
