@@ -1,6 +1,6 @@
 """Plans, which every method returns: their values, certificate, preactuation, and what samples them and reads them back."""
 
-from invtrack.plans.certificate import Certificate
+from invtrack.plans.certificate import Certificate, certify
 from invtrack.plans.export import export_plan, read_plan, sampled_plan
 from invtrack.plans.plan import Plan, Samples
 from invtrack.plans.preactuation import PreactuationBound, preactuation_bound
@@ -18,6 +18,7 @@ __all__ = [
     "Tail",
     "Trajectory",
     "TwoSidedSegments",
+    "certify",
     "export_plan",
     "preactuation_bound",
     "read_plan",

@@ -8,7 +8,7 @@ import numpy as np
 
 from invtrack.arrays import Array, Indices
 from invtrack.errors import PlanError
-from invtrack.linear.scaling import comparable_size, unit_ratios
+from invtrack.linear.scaling import comparable_size, unit_ratios, with_idle_sizes
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
@@ -21,6 +21,9 @@ PANELS_PER_PIECE = 200
 
 ACCURACY = 1e-8
 """Largest residual of a plan, relative to its size, with which it is handed out."""
+
+CANCELLED = 1e-5
+"""An output below this share of the terms that it is the sum of is known no better than they are."""
 
 TOTAL_PANELS = 20_000
 """Panels checked in all, at most; beyond, pieces are skipped evenly."""
@@ -74,7 +77,7 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     interval = model.interval((starts + ends) / 2)
     change = np.empty((len(piece), n))
     planned = np.empty((len(piece), len(nodes), p))
-    size = np.max(np.abs(inner[:, :, :n]), axis=(0, 1))
+    size, rate = np.max(np.abs(inner[:, :, :n]), axis=(0, 1)), np.zeros(n)
     for k in np.unique(interval):
         system, chosen = model.systems[k], interval == k
         x, u = inner[chosen, :, :n], inner[chosen, :, n : n + p]
@@ -83,14 +86,15 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
         change[chosen] = np.einsum("mgi,g->mi", x @ system.A.T + u @ system.B.T, weights) * half
         # A state that stays zero because large terms cancel is measured against those terms.
         terms = np.abs(x) @ np.abs(system.A).T + np.abs(u) @ np.abs(system.B).T
-        size = np.maximum(size, np.max(terms * half[:, :, None], axis=(0, 1)))
+        size, rate = np.maximum(size, np.max(terms * half[:, :, None], axis=(0, 1))), np.maximum(rate, np.max(terms, axis=(0, 1)))
     size = comparable_size(size, unit_ratios(model))  # of a plant at rest elsewhere, velocities are rounding
+    size = with_idle_sizes(size, rate, model)
     size = np.where(size > 0, size, 1.0)
     wanted = reference(times.ravel()).reshape(len(piece), len(nodes), p)
     wanted_size = np.max(np.abs(wanted), axis=(0, 1))
-    # A channel that is to stay still is measured against what the states could make of it.
-    possible = np.max([np.abs(system.C) @ size for system in model.systems], axis=0)
-    wanted_size = np.where(wanted_size > 0, wanted_size, np.where(possible > 0, possible, 1.0))
+    # A channel that is to stay still is measured against what the states could make of it, and so is one in which they cancel.
+    possible = np.max([np.abs(system.C) @ np.where(np.isfinite(size), size, 0.0) for system in model.distinct], axis=0)
+    wanted_size = np.where(wanted_size > 0, np.maximum(wanted_size, CANCELLED * possible), np.where(possible > 0, possible, 1.0))
     return Certificate(
         dynamics_residual=float(np.max(np.abs(x_end - x_start - change) / size)),
         output_error=float(np.max((np.abs(planned - wanted) + np.abs(inner[:, :, n + p :] - planned)) / wanted_size)),
