@@ -41,14 +41,17 @@ class IntervalReport:
 
 @dataclass(frozen=True)
 class JumpReport:
-    """One jump at `time` [s].
+    """One jump. What cannot be told because some interval has no (hyperbolic) internal dynamics is None.
 
-    same_outputs: whether relative degree and C* are the same on both sides (assumption 4), so that Lemma 3 holds there.
-    subspace_angle, stable_angle, antistable_angle: largest principal angle [rad], in balanced states, between both sides' internal
-    dynamics ker C* and between their stable and antistable parts; NaN where the dimensions differ.
-    compatibility_rows: rows of C* x = Y_d that constrain the internal state. fixed_miss: by how much rows that constrain nothing
-    fail, relative to their terms. miss: by how much the conditions gathered up to this jump contradict each other, relative to the
-    trajectory. What cannot be told because some interval has no (hyperbolic) internal dynamics is None.
+    Args:
+        time: when it happens [s].
+        same_outputs: whether relative degree and C* are the same on both sides (assumption 4), so that Lemma 3 holds there.
+        subspace_angle: largest principal angle between both sides' internal dynamics ker C*, in balanced states [rad]; NaN where
+            the dimensions differ.
+        stable_angle, antistable_angle: the same between their stable and between their antistable parts.
+        compatibility_rows: how many rows of C* x = Y_d constrain the internal state.
+        fixed_miss: by how much the rows that constrain nothing fail, relative to their terms.
+        miss: by how much the conditions gathered up to this jump contradict each other, relative to the trajectory.
     """
 
     time: float
@@ -71,9 +74,14 @@ class JumpReport:
 class BoundaryConditions:
     """The linear equations of Lemma 1, counted and ranked.
 
-    unknowns: n_u,0, the antistable zeros before; end_conditions: n_u,N, those after; compatibility_rows: of all jumps.
-    stable_after: n_s,N. freedom: directions that the equations leave open. conditioning: smallest pivot of the elimination
-    relative to its block (1 is best). final_miss: by how much the end conditions fail, relative to the trajectory.
+    Args:
+        unknowns: n_u,0, the number of antistable zeros in the first interval.
+        end_conditions: n_u,N, that in the last interval.
+        compatibility_rows: of all jumps together.
+        stable_after: n_s,N, the number of stable zeros in the last interval.
+        freedom: number of directions that the equations leave open.
+        conditioning: smallest pivot of the elimination relative to its block (1 is best).
+        final_miss: by how much the end conditions fail, relative to the trajectory.
     """
 
     unknowns: int
@@ -112,8 +120,12 @@ class BoundaryConditions:
 class FeasibilityReport:
     """Whether a reference can be followed exactly with bounded state and input (Devasia, Paden, Rossi 1996, Lemmas 1 to 4).
 
-    solvable: whether `invert` accepts it. failed: the condition that fails, message: how, and what would help; "" where solvable.
-    boundary: None where some interval, or an endless mode of the reference, rules the inverse out.
+    Args:
+        solvable: whether `invert` accepts the reference.
+        failed: the condition that fails, "" where solvable.
+        message: how it fails and what would help, "" where solvable.
+        intervals, jumps: a report of each.
+        boundary: the equations; None where some interval, or an endless mode of the reference, rules the inverse out.
     """
 
     solvable: bool

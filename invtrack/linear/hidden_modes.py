@@ -29,8 +29,9 @@ def zero_kinds(system: StateSpace, zeros: ComplexArray) -> tuple[ZeroKind, ...]:
     """The kind of each of `zeros`, the invariant zeros of a square `system` with vector relative degree.
 
     A zero s is an uncontrollable mode where rank [A - s I, B] < n and an unobservable one where rank [A - s I; C] < n; each such
-    mode is a zero. Among equal zeros that many are named so as there are hidden modes, which the rank alone does not tell: the
-    modes come from staircase forms (P. Van Dooren, IEEE Trans. Automatic Control 26, 1981), the pairing is that of least distance.
+    mode is a zero. Of several equal zeros as many are called hidden as there are hidden modes, a number that the rank alone does
+    not tell: the modes come from staircase forms (P. Van Dooren, IEEE Trans. Automatic Control 26, 1981), and they are paired
+    with zeros such that the distances add up to the least.
     """
     modes = hidden_modes(system)
     kinds: list[ZeroKind] = ["transmission zero"] * len(zeros)

@@ -35,9 +35,11 @@ REMEDIES = {
 class InternalDynamics:
     """eta' = A_eta eta + A_zeta zeta + B_r y^(r), the dynamics left when the output is prescribed.
 
-    Shapes with n_z internal states: A_eta (n_z, n_z), A_zeta (n_z, rho), B_r (n_z, p). The eigenvalues of A_eta are the plant's
-    invariant zeros (n - rho of them). `uncertainty` is the size of perturbation of A_eta that rounding, and the error of a model
-    found numerically, may stand for.
+    Args:
+        form: the plant's normal form.
+        A_eta, A_zeta, B_r: (n_z, n_z), (n_z, rho) and (n_z, p), for n_z = n - rho internal states.
+        zeros: eigenvalues of A_eta, the plant's invariant zeros (n_z,) [rad/s].
+        uncertainty: how large a perturbation of A_eta rounding, and the error of a model found numerically, may amount to.
     """
 
     form: NormalForm
@@ -52,8 +54,14 @@ class InternalDynamics:
 class SplitDynamics:
     """Internal dynamics in coordinates eta = W_s z_s + W_u z_u in which the stable and the antistable part are decoupled.
 
-    z_s' = A_s z_s + G_s [zeta; y^(r)], z_u' = A_u z_u + G_u [zeta; y^(r)], A_s stable, A_u antistable. L_s, L_u are the rows with
-    z_s = L_s eta, z_u = L_u eta.
+    z_s' = A_s z_s + G_s [zeta; y^(r)], z_u' = A_u z_u + G_u [zeta; y^(r)], with z_s = L_s eta, z_u = L_u eta.
+
+    Args:
+        internal: the dynamics before they are split.
+        A_s, A_u: stable (n_s, n_s) and antistable (n_u, n_u).
+        G_s, G_u: (n_s, rho + p) and (n_u, rho + p).
+        W_s, W_u: (n_z, n_s) and (n_z, n_u).
+        L_s, L_u: (n_s, n_z) and (n_u, n_z).
     """
 
     internal: InternalDynamics

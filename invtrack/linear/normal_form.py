@@ -28,8 +28,13 @@ class NormalForm:
     """The plant in coordinates zeta = C_star x (outputs and derivatives) and eta = N x (internal).
 
     y^(r) = A_x x + B_y u, x = P zeta + V eta, so that T = [C_star; N] and T^-1 = [P V] (Isidori 1989; Devasia 1996, eq. 5).
-    relative_degree: (r_1, ..., r_p). Shapes with rho = sum(r): C_star (rho, n), N (n - rho, n), P (n, rho), V (n, n - rho),
-    A_x (p, n), B_y (p, p). decoupling_condition: condition number of B_y with rows and columns scaled to unit size.
+
+    Args:
+        relative_degree: (r_1, ..., r_p), with the sum rho.
+        C_star, N: (rho, n) and (n - rho, n).
+        P, V: (n, rho) and (n, n - rho).
+        A_x, B_y: (p, n) and (p, p).
+        decoupling_condition: condition number of B_y with rows and columns scaled to unit size.
     """
 
     relative_degree: tuple[int, ...]

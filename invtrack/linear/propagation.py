@@ -36,8 +36,9 @@ class Propagator:
     """exp(M tau) for one matrix M (q, q) and many tau >= 0 [s].
 
     Each tau is split into a whole number of node distances h and a remainder |r| <= h / 2. The nodes' states are found by the
-    binary digits exp(M h 2^b), the way on by Taylor series, whose coefficients times in the same cell share. The error does not
-    grow with the number of times, the cost is linear in it, and exponentials that decay never overflow, whatever tau.
+    binary digits exp(M h 2^b), the way on from there by Taylor series, whose coefficients are the same for all times around a
+    node. The error does not grow with the number of times, the cost is linear in it, and exponentials that decay never overflow,
+    whatever tau.
     """
 
     def __init__(self, M: Array) -> None:
@@ -58,11 +59,17 @@ class Propagator:
         return self.outputs(np.eye(len(self._M)), v, np.arange(len(tau)), tau)
 
     def outputs(self, X: Array, v: Array, owner: Indices, tau: Array, *, resolution: float = 0.0) -> Array:
-        """X exp(M tau_i) v[owner_i] for X (k, q), states v (g, q), owner (m,) and tau (m,) [s]: (m, k).
+        """X exp(M tau_i) v[owner_i] at many times: (m, k).
 
-        Times that stand in order, or in ordered stretches, share most of the work; long stretches of evenly spaced ones nearly all
-        of it. resolution [s]: how far the times may be off as they are (the rounding of the absolute times behind tau); within it
-        they count as evenly spaced.
+        Times in order, or in ordered stretches, share most of the work; long stretches of evenly spaced ones nearly all of it.
+
+        Args:
+            X: (k, q).
+            v: states to start from (g, q).
+            owner: which of these each time belongs to (m,).
+            tau: times since the start (m,), not negative [s].
+            resolution: how far off the times may be (from rounding of the absolute times behind tau) and still count as evenly
+                spaced [s].
         """
         result = np.empty((len(tau), len(X)))
         if math.isinf(self._step):

@@ -43,8 +43,8 @@ def pace_of(M: Array) -> float:
 def unit_ratios(plant: SwitchedSystem) -> Array:
     """Size (n, n) that state i has where state j is 1, from how strongly they act on each other; 0 for those that do not.
 
-    They act through the plant, and through an inverse, which makes the input from the outputs: a base that can stand anywhere
-    acts on nothing else in the plant, but where the tip is to stand says where it has to.
+    They act through the plant, and through an inverse, which makes the input from the outputs: the position of a base that can
+    stand anywhere acts on nothing else in the plant, but an inverse finds it from where the tip is to be.
     """
     A, B, C = (np.max([np.abs(getattr(system, name)) for system in plant.distinct], axis=0) for name in "ABC")
     n, p = B.shape
@@ -55,7 +55,7 @@ def unit_ratios(plant: SwitchedSystem) -> Array:
 
 
 def comparable_size(size: Array, ratios: Array) -> Array:
-    """Sizes (..., n) of states, none below the share RESOLVED of what those comparable to it (`unit_ratios`) would make of it."""
+    """Sizes (..., n) of states, each at least the share RESOLVED of what comparable ones (`unit_ratios`) make of it."""
     return np.asarray(np.maximum(size, RESOLVED * np.max(ratios * size[..., None, :], axis=-1, initial=0.0)))
 
 

@@ -54,13 +54,16 @@ class Measurement:
 class StateSpace:
     """A linear model x' = A x + B (u - u0), y = y0 + C x + D (u - u0), square (as many inputs as outputs).
 
-    Shapes: A (n, n), B (n, p), C (p, n), D (p, p). x is the deviation from the operating point; inputs u and outputs y are
-    absolute. Without an operating point u0 and y0 are zero.
+    x is the deviation from the operating point; inputs u and outputs y are absolute.
 
-    states, inputs, outputs: names and units, as Channels or names alone; x1, u1, y1 and so on unless stated. measurement: what a
-    controller can measure, the outputs themselves unless stated. parameters: the values, by name, of the physical parameters that
-    the model holds for, as far as they are known. error_estimates: for a model that was found numerically, an estimate of the
-    largest error of an entry of each matrix.
+    Args:
+        A, B, C, D: (n, n), (n, p), (p, n) and (p, p); D is zero unless stated.
+        states, inputs, outputs: names and units, as Channels or names alone; x1, u1, y1 and so on unless stated.
+        operating_point: where u0 and y0 come from; None: both are zero.
+        measurement: what a controller can measure, the outputs themselves unless stated.
+        parameters: values, by name, of the physical parameters that the model holds for, as far as they are known.
+        error_estimates: for a model that was found numerically, an estimate of the largest error of an entry of each matrix, by
+            the matrix's name.
 
     Raises ModelError where shapes do not fit, an entry is not finite, or names are too few, too many or not distinct.
     """

@@ -147,7 +147,7 @@ def zeros(system: Any) -> ComplexArray:
 def zero_report(system: Any) -> ZeroReport:
     """The invariant zeros of a square plant: on which side of the axis, hidden or not, and the preactuation they imply.
 
-    A zero s is the eigenvalue of the internal dynamics; it is an uncontrollable mode where rank [A - s I, B] < n, an unobservable
+    A zero s is an eigenvalue of the internal dynamics; it is an uncontrollable mode where rank [A - s I, B] < n, an unobservable
     one where rank [A - s I; C] < n, else a transmission zero (Emami-Naeini, Van Dooren 1982). system: StateSpace, or anything with
     A, B, C, D. Zeros on the axis are reported, not refused; `print` shows a table.
 

@@ -207,10 +207,15 @@ def exosystem(
     outside: Outside = "zero",
     names: Sequence[str] | None = None,
 ) -> Exosystem:
-    """x_e' = A_e x_e, y_d = C_e x_e between `start` and `end` [s], each None for running for ever on that side.
+    """x_e' = A_e x_e, y_d = C_e x_e between `start` and `end`; outside x_e stands still (A_e = 0).
 
-    A_e (q, q), C_e (p, q). Outside x_e stands still (A_e = 0), and the output is zero (C_e = 0) or, with outside="held", keeps its
-    value. Raises TrajectoryError where shapes or times do not fit.
+    Args:
+        A_e, C_e: (q, q) and (p, q).
+        start, end: when it starts and ends [s]; None: it runs for ever on that side.
+        outside: the output there: "zero" (C_e = 0), or "held" at its value.
+        names: of the q states; x_e1, x_e2 and so on unless stated.
+
+    Raises TrajectoryError where shapes or times do not fit.
     """
     if outside not in ("zero", "held"):
         raise TrajectoryError(f"outside must be 'zero' or 'held', got {outside!r}")
@@ -239,9 +244,15 @@ def sinusoidal_exosystem(
 ) -> Exosystem:
     """y_d = b + sum_i x_i, x_i' = w_i x_i^+, x_i^+' = -w_i x_i: sinusoids of any amplitude and phase, and a constant if `bias`.
 
-    frequencies: w_i > 0 [rad/s]. States: "bias" first, then for each frequency x_i, "cos w", and x_i^+, "sin w": the signal that
-    each makes of 1 at t = 0. start, end, outside: see `exosystem`. Raises TrajectoryError for frequencies that are not positive and
-    distinct.
+    States: "bias" first, then for each frequency x_i, "cos w", and x_i^+, "sin w", each named after the signal that it makes where
+    it is 1 at t = 0 and all others are 0.
+
+    Args:
+        frequencies: w_i > 0 [rad/s].
+        bias: whether the output has the constant part b.
+        start, end, outside: see `exosystem`.
+
+    Raises TrajectoryError for frequencies that are not positive and distinct.
     """
     omegas = np.atleast_1d(real_numbers("frequencies", frequencies))
     if omegas.ndim != 1 or not np.all(np.isfinite(omegas) & (omegas > 0)) or len(np.unique(omegas)) != len(omegas):

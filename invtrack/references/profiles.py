@@ -19,9 +19,12 @@ def rest_to_rest(
 ) -> PiecewiseSignal:
     """The polynomial of lowest degree from `start` to `end` whose first `smoothness` derivatives vanish at both ends.
 
-    start, end: (p,) or scalar; held before and after. duration [s]. The degree is 2 smoothness + 1: 1 the cubic, 2 the quintic of
-    minimum jerk, 3 degree seven. The inverse of a plant of relative degree r needs smoothness >= r - 1, and has a continuous
-    input from r on.
+    Args:
+        start, end: values (p,) or scalar, held before and after.
+        duration: how long the motion takes [s].
+        smoothness: the degree is 2 smoothness + 1: 1 gives the cubic, 2 the quintic of minimum jerk, 3 degree seven. The inverse of
+            a plant of relative degree r needs smoothness >= r - 1, and has a continuous input from r on.
+        start_time: when the motion begins [s].
 
     Raises TrajectoryError for a duration that is not positive or a smoothness outside 0 ... 6.
     """
@@ -81,10 +84,13 @@ def piecewise_polynomial(
 
 
 def autonomous(S: ArrayLike, R: ArrayLike, w_0: ArrayLike, *, start: float, end: float) -> PiecewiseSignal:
-    """The output R w of w' = S w, w(start) = w_0, on [start, end] [s]; held at its first value before and at its last value after.
+    """The output R w of w' = S w, w(start) = w_0, on [start, end]; held at its first value before and at its last value after.
 
-    S (q, q), R (p, q), w_0 (q,). Covers sinusoids, exponentials and polynomials: the exosystems of Devasia, Paden, Rossi 1996,
-    eq. 13.
+    Covers sinusoids, exponentials and polynomials: the exosystems of Devasia, Paden, Rossi 1996, eq. 13.
+
+    Args:
+        S, R, w_0: (q, q), (p, q) and (q,).
+        start, end: between which the output moves [s].
 
     Raises TrajectoryError where shapes do not fit or end is not after start.
     """

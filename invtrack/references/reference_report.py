@@ -25,11 +25,17 @@ is 1.4, for a sinusoid with s pieces per period 2 sin(pi / s), so 1 at 6 pieces 
 class ReferenceReport:
     """Derivative content of a reference with p channels, for derivatives of order 0 ... `highest`.
 
-    channels: names and units. span: first and last breakpoint [s]. pieces: how many lie between them; spacing: length of the
-    shortest and of the longest [s]. peaks (highest + 1, p): largest size of each derivative. roughness (highest + 1, p): rms change
-    of a derivative between neighbouring pieces, relative to its own rms; NaN with fewer than 16 pieces, 0 for a derivative that is
-    zero. continuous: per channel how many derivatives, the value itself counted as one, are continuous (at most highest + 1). rest:
-    per channel how many derivatives, from the first on, vanish at the first and at the last breakpoint, on both sides of it.
+    Args:
+        channels: names and units.
+        span: first and last breakpoint [s].
+        pieces: how many lie between these.
+        spacing: length of the shortest and of the longest piece [s].
+        peaks: largest size of each derivative (highest + 1, p).
+        roughness: rms change of each derivative between neighbouring pieces, relative to its own rms (highest + 1, p); NaN with
+            fewer than 16 pieces, 0 for a derivative that is zero.
+        continuous: how many derivatives of each channel, the value itself counted as one, are continuous (at most highest + 1).
+        rest: how many derivatives of each channel, from the first on, vanish at the first and at the last breakpoint, on both sides
+            of it.
     """
 
     channels: Channels

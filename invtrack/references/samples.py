@@ -74,8 +74,13 @@ def load_reference(
 ) -> PiecewiseSignal:
     """`sampled_reference` of the columns of a CSV file with a header row; lines that begin with # are skipped.
 
-    time: the column of times [s]; channels: those of the values, in the order of the plant's outputs, by default all others. A
-    column is named by its whole header text or by what stands there before its unit: "tip" finds "tip [m]".
+    A column is named by its whole header text or by what stands there before its unit: "tip" finds "tip [m]".
+
+    Args:
+        path: the file.
+        time: the column of times [s].
+        channels: the columns of values, in the order of the plant's outputs; None: all others.
+        degree, smoothness: as for `sampled_reference`.
 
     Raises FileError as `sampled_reference` does, and, naming file and line, where a row has another number of cells than the
     header, a cell is not a finite number, times do not increase or are not in seconds, or a column is not there.

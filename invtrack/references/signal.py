@@ -150,7 +150,7 @@ class PiecewiseSignal:
         return np.concatenate([[ends[0] - 1.0], (ends[:-1] + ends[1:]) / 2, [ends[-1] + 1.0]])
 
     def end_anchors(self) -> Array:
-        """The generators' states w at the end of each piece; of the first piece its anchor, of the last, which has no end, too."""
+        """The generators' states w at the end of each piece; for the last one, which has no end, at its start."""
         result = self.anchors.copy()
         lengths = np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]])
         for index, generator in enumerate(self.generators):

@@ -25,8 +25,12 @@ JUMP_TOLERANCE = 1e-9
 class InadmissibleState:
     """A named state of the exosystem (x_e(T_i) = that unit vector) whose output no continuous state of the plant can follow.
 
-    time [s]: where that fails. output, derivative: which derivative of which output jumps there ("" and -1 where none does but the
-    state has to). jump: by how much, in units of that derivative (of the state, for "").
+    Args:
+        name: of the state.
+        time: at which the plant cannot follow [s].
+        output: the output of which a derivative jumps there; "" where none does but the plant's state has to.
+        derivative: the order of that derivative, -1 for "".
+        jump: by how much it jumps, in units of that derivative (of the state, for "").
     """
 
     name: str
@@ -81,9 +85,9 @@ def map_jumps(trajectory: Trajectory, exosystem: Exosystem, plant: SwitchedSyste
 def entry_sizes(values: Array, ratios: Array) -> Array:
     """What the entries of matrices (m, n, q) are measured against: row size times column size, free of the units of the rows.
 
-    Columns, for weighted states of the exosystem, are comparable, and rows of the plant's states by `ratios` (n, n), see
-    `unit_ratios`. One far smaller than the largest, because all that makes it up cancels, holds rounding: of a plant at rest, the
-    velocities.
+    Columns are comparable, since the exosystem's states are weighted; rows, which are states of the plant, by `ratios` (n, n), see
+    `unit_ratios`. A row or column far smaller than comparable ones, because the terms that make it up cancel, holds only their
+    rounding (the velocities of a plant at rest, for instance): no size is below the share RESOLVED of comparable ones.
     """
     row = np.max(values, axis=2, initial=0.0)
     row = comparable_size(row, ratios)[:, :, None]
@@ -138,7 +142,15 @@ def largest_jump(jumps: Jumps, states: Array) -> float:
 def inadmissible_states(
     plant: SwitchedSystem, jumps: Jumps, names: Sequence[str], admissible: Array, weights: Array
 ) -> tuple[InadmissibleState, ...]:
-    """The named states outside the admissible subspace: where each fails most, in which derivative, and by how much."""
+    """The named states outside the admissible subspace: where each fails most, in which derivative, and by how much.
+
+    Args:
+        plant: the plant.
+        jumps: those of the map.
+        names: of the exosystem's states (q,).
+        admissible: basis of the admissible weighted states (q, d), see `admissible_states`.
+        weights: of the exosystem's states (q,), see `visibility`.
+    """
     q, w = len(names), column_weights(weights)
     found: list[InadmissibleState] = []
     for j in np.flatnonzero(np.linalg.norm(np.eye(q) - admissible @ admissible.T, axis=0) > JUMP_TOLERANCE).tolist():

@@ -21,10 +21,13 @@ CONDITION_LIMIT = 1e13
 
 @dataclass(frozen=True, eq=False)
 class Regulator:
-    """x = Pi x_e, u = Gamma x_e: Pi (n, q), Gamma (p, q), with the residuals of the two equations that they solve.
+    """x = Pi x_e, u = Gamma x_e, with the residuals of the two equations that they solve.
 
-    dynamics_residual: largest entry of Pi A_e - A Pi - B Gamma; output_residual: of C Pi + D Gamma - C_e; each relative to the size
-    of the terms that it is the sum of. conditioning: the largest condition number met, in the best of units.
+    Args:
+        Pi, Gamma: (n, q) and (p, q).
+        dynamics_residual: largest entry of Pi A_e - A Pi - B Gamma, relative to the size of the terms that it is the sum of.
+        output_residual: that of C Pi + D Gamma - C_e, relative likewise.
+        conditioning: largest condition number among the equations solved, in the best of units.
     """
 
     Pi: Array

@@ -58,9 +58,15 @@ def certify_map(
     boundary_residual: float,
     continuity: float,
 ) -> RegulationCertificate:
-    """Residuals of a map over `span` [s], for the exosystem's states times `weights` (q,), relative to `entry_sizes`.
+    """Residuals of a map over `span`, for the exosystem's states times `weights`, relative to `entry_sizes`.
 
-    `boundary_residual` and `continuity`, from its values too, are handed on.
+    Args:
+        model: the plant.
+        exosystem: as it was given, not weighted.
+        trajectory: G and F row by row, one above the other.
+        span: first and last time looked at [s].
+        weights: of the exosystem's states (q,), see `visibility`.
+        boundary_residual, continuity: worked out by the caller, from the map's values too, and handed on.
     """
     n, q = model.n_states, exosystem.n_states
     exosystem, w, ratios = exosystem.weighted(weights), column_weights(weights), unit_ratios(model)

@@ -58,10 +58,18 @@ class MapPiece:
     """G and F of one plant and one exosystem: [G; F] = base + from_s Z_s + from_u Z_u.
 
     Z_s' = A_s Z_s - Z_s A_e + D_s, forward from the piece's start, Z_u' = A_u Z_u - Z_u A_e + D_u, backward from its end. On pieces
-    without end Z_s, Z_u are distances from the bounded particular solution steady_s, steady_u, which is then in `base`, and D_s and
-    D_u are zero. Shapes: from_s (n + p, n_s), from_u (n + p, n_u), base (n + p, q), D_s (n_s, q), D_u (n_u, q). All of this holds
-    for the exosystem's states times their `weights` (q,). plan: the inverse of the plant driven by the exosystem, whose states are
-    (Z_s + steady_s) x_e and (Z_u + steady_u) x_e.
+    without end Z_s, Z_u are distances from the bounded particular solution steady_s, steady_u, which is then in `base`. All of this
+    holds for the exosystem's states times their weights.
+
+    Args:
+        split: split internal dynamics of the plant.
+        A_e: that of the exosystem (q, q).
+        from_s, from_u: (n + p, n_s) and (n + p, n_u).
+        base: (n + p, q).
+        D_s, D_u: (n_s, q) and (n_u, q), zero on pieces without end.
+        steady_s, steady_u: (n_s, q) and (n_u, q), zero on all other pieces.
+        plan: the inverse of the plant driven by the exosystem, whose states are (Z_s + steady_s) x_e and (Z_u + steady_u) x_e.
+        weights: of the exosystem's states (q,), see `visibility`.
     """
 
     split: SplitDynamics
@@ -101,7 +109,15 @@ class MapPiece:
 def map_pieces(
     plant: SwitchedSystem, splits: Sequence[SplitDynamics], exosystem: Exosystem, breakpoints: Array, weights: Array
 ) -> tuple[list[MapPiece], Indices]:
-    """The distinct pieces, and which of them lies before, between and after the breakpoints, (m + 2,); weights: `visibility`."""
+    """The distinct pieces, and which of them lies before, between and after the breakpoints, (m + 2,).
+
+    Args:
+        plant: the plant.
+        splits: split internal dynamics of each of its intervals.
+        exosystem: as it was given, not weighted.
+        breakpoints: those of the map (m + 1,) [s], see `map_breakpoints`.
+        weights: of the exosystem's states (q,), see `visibility`.
+    """
     exosystem = exosystem.weighted(weights)
     middles = inner_times(breakpoints)
     found: dict[tuple[int, int, bool], int] = {}

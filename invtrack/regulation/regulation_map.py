@@ -30,8 +30,13 @@ ADMISSIBLE_TOLERANCE = 1e-7
 class PlanPieces:
     """What turns an exosystem's trajectory into a planned one: two-sided systems of [x; u; y] driven by the weighted x_e.
 
-    driven, which (m + 2,): the one of each piece. Z_f (m, n_f, q): z_f = Z_f x_e at the start of each inner piece; Z_b (m, n_b, q):
-    z_b = Z_b x_e at its end. first_b (n_b, q), last_f (n_f, q): the same at the manoeuvre's start and end, for the tails.
+    Args:
+        driven: the distinct systems.
+        which: number of the one that each piece has (m + 2,).
+        Z_f: what gives z_f = Z_f x_e at the start of each inner piece (m, n_f, q).
+        Z_b: what gives z_b = Z_b x_e at its end (m, n_b, q).
+        first_b: the same for z_b at the manoeuvre's start, where the tail before it ends (n_b, q).
+        last_f: the same for z_f at the manoeuvre's end, where the tail after it starts (n_f, q).
     """
 
     driven: tuple[DrivenSystem, ...]
@@ -58,14 +63,24 @@ class RegulationMap:
     map"; constant between breakpoints and discontinuous at them for the Francis regulators. x_d, u_d and y_d = C_e x_e are
     deviations from the plant's operating point.
 
-    trajectory: G and F row by row, one above the other. manoeuvre: (T_i, T_f) [s], first and last breakpoint. preactuation,
-    postactuation: how long before T_i and after T_f [s] G and F differ from their bounded particular solutions (zero where the
-    exosystem is still) by more than `tolerance`, relative to the peak of each entry; infinite where they never come that close.
-    weights (q,): how strongly each state of the exosystem shows in y_d, zero for one that never does: w x_e has no units of its
-    own. admissible (q, d): basis of the states x_e(T_i) whose output can be followed by a continuous state of the plant, columns of
-    unit length, orthogonal as weighted states; inadmissible: which of the named states lie outside it, and why; directions_left:
-    (time [s], d) where the conditions so far leave only d directions of x_e. remarks: what a
-    user should know.
+    Args:
+        method: its name.
+        model: the plant.
+        exosystem: the one whose states are mapped.
+        trajectory: G and F row by row, one above the other.
+        pieces: what makes plans from the exosystem's states.
+        manoeuvre: (T_i, T_f), first and last breakpoint [s].
+        preactuation, postactuation: how long [s] before T_i and after T_f G and F differ by more than `tolerance` from their
+            bounded particular solutions, which are zero where the exosystem is still; infinite where they never come that close.
+        tolerance: share of the peak of each entry.
+        weights: how strongly each state of the exosystem shows in y_d (q,), zero for one that never does: w x_e has no units of its
+            own.
+        admissible: basis (q, d) of the states x_e(T_i) whose output can be followed by a continuous state of the plant, columns of
+            unit length, orthogonal as weighted states.
+        inadmissible: which of the named states lie outside it, and why.
+        directions_left: (time [s], d) where the conditions so far leave only d directions of x_e.
+        certificate: how well the map meets its equations.
+        remarks: what a user should know.
     """
 
     method: str
@@ -128,9 +143,10 @@ class RegulationMap:
     def plan(self, x_e: ArrayLike, *, at: float | None = None) -> Plan:
         """The plan x_d = G x_e, u_d = F x_e for the exosystem trajectory through x_e (q,) at time `at` [s].
 
-        `at` is T_i of this map by default, the time for which `admissible` holds.
-        Of the Francis regulators, which jump, any state is taken; their plan is no trajectory of the plant, as its certificate
-        says. Raises InversionError, with the reason, for a state that is not admissible; TrajectoryError for one of another size.
+        `at` is T_i of this map by default, the time for which `admissible` holds. The Francis regulators, which jump, take any
+        state; their plan is no trajectory of the plant, as its certificate says.
+
+        Raises InversionError, with the reason, for a state that is not admissible; TrajectoryError for one of another size.
         """
         share = self.inadmissible_share(x_e, at=at)
         if share > ADMISSIBLE_TOLERANCE and self.method == "exosystem map":

@@ -27,7 +27,7 @@ def robust_design(problem: DesignProblem) -> Solved:
 def least_error_design(problem: DesignProblem) -> Solved:
     """The choice with the least integral square error among several of F, each with L = 0 and with L by least squares.
 
-    Those that rounding keeps from solving the plant's equations are passed over.
+    Choices whose solution misses the plant's equations, because of rounding, are passed over.
 
     Raises InversionError where the poles cannot be placed in any way.
     """

@@ -75,9 +75,14 @@ def _count(length: float, panel: float) -> int:
 
 @dataclass(frozen=True, eq=False)
 class DesignProblem:
-    """What the freedom is chosen for; parts: what is placed in each interval, unmoved: the zeros that stay there.
+    """What the freedom in a modified inverse is chosen for.
 
-    output_scale (p,): errors are measured in it.
+    Args:
+        planning: plant, reference and options.
+        internals: internal dynamics of each interval.
+        parts: what is placed in each interval.
+        unmoved: the zeros that stay in each interval.
+        output_scale: sizes of the outputs in which errors are measured (p,).
     """
 
     planning: PlanningProblem
@@ -129,7 +134,17 @@ class Candidate:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """One choice of the freedom, with its solution; candidates: what it was compared with."""
+    """One choice of the freedom, with its solution.
+
+    Args:
+        name: of the choice.
+        dynamics: the modified inverse of each interval.
+        L: that of each interval (p, rho + p).
+        solution: the bounded solution with these.
+        integral_square_error: that of the predicted error over output_scale [s].
+        candidates: what it was compared with.
+        remarks: what a user should know.
+    """
 
     name: str
     dynamics: list[ModifiedDynamics]

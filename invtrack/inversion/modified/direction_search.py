@@ -84,8 +84,16 @@ def best_directions(
 ) -> Array:
     """Directions (p, k) for `structured_gain` with the least integral square error, L chosen along with them.
 
-    The interval is looked at by itself, as if it had no end. Descent (BFGS) from each output paying alone, and from all of them in
-    the proportion in which they move the zeros.
+    The interval is looked at by itself, as if it had no end. The search descends (BFGS) from the best of these starts: one output
+    alone bears the error, or all of them share it in the proportion in which they move the zeros.
+
+    Args:
+        part: what is placed.
+        internal: internal dynamics of the interval.
+        rest: their equilibrium for a held output.
+        reference: wanted outputs, as deviations from the operating point.
+        output_scale: sizes of the outputs in which errors are measured (p,).
+        active: which outputs are to move at all (p,).
     """
     modes = _modes(part, internal, rest, reference, output_scale, active)
     together = not distinct(part.targets)  # one chain of modes, driven from its head

@@ -85,8 +85,13 @@ def derivative_columns(form: NormalForm) -> list[tuple[int, int, int]]:
 class ModifiedDynamics:
     """x = P zeta_d + V xi, xi' = A xi + R [zeta_d; y_d^(r)], split; v = F xi_0 + L [zeta_d; y_d^(r)], xi_0 = [e; eta - eta_eq].
 
-    split, correction: for L = 0, as the assembly takes them. F (p, n); feedthrough (p, rho + p): what outputs of relative degree 0
-    need in L so that they are held. G_v: rows of xi' per v.
+    Args:
+        split: the dynamics for L = 0.
+        F: (p, n).
+        feedthrough: what outputs of relative degree 0 need in L so that they are held (p, rho + p).
+        N: what takes the state's distance V xi from P zeta_d to xi_0 (n, n).
+        G_v: what v adds to xi' (n, p).
+        poles: all poles of the modified inverse (n,) [rad/s].
     """
 
     split: SplitDynamics

@@ -40,10 +40,14 @@ ERROR_SAMPLES = 4000
 class Modification:
     """How the inverse was modified in one interval: v = F [e; eta - eta_eq] + L [zeta_d; y_d^(r)].
 
-    F (p, n) and L (p, rho + p) refer to the coordinates of `normal_form`; e = zeta - zeta_d, eta_eq the internal equilibrium of the
-    held output. zeros_before, zeros_after: the zeros and where they went, in the same order. error_poles: those of e. alpha
-    [rad/s]: smallest positive real part of the modified inverse's poles, the rate at which the input before the manoeuvre decays
-    backward in time; infinite where none is antistable (no preactuation).
+    F and L refer to the coordinates of `normal_form`; e = zeta - zeta_d, eta_eq the internal equilibrium of the held output.
+
+    Args:
+        interval: its number.
+        F, L: (p, n) and (p, rho + p).
+        zeros_before: the plant's zeros (n_z,) [rad/s].
+        zeros_after: where they went, in the same order.
+        error_poles: poles of e (rho,) [rad/s].
     """
 
     interval: int
@@ -55,7 +59,10 @@ class Modification:
 
     @property
     def alpha(self) -> float:
-        """Smallest positive real part [rad/s] among the poles, infinite without one."""
+        """Smallest positive real part [rad/s] of the modified inverse's poles; infinite where none is antistable (no preactuation).
+
+        It is the rate at which the input before the manoeuvre decays backward in time.
+        """
         return min((float(s.real) for s in self.zeros_after if s.real > 0), default=math.inf)
 
     def __str__(self) -> str:
@@ -69,8 +76,11 @@ class Modification:
 class ModifiedTrajectory(Plan):
     """A plan of `modified_inversion`: a trajectory of the plant whose output is near the wanted one, not on it.
 
-    modification: per interval. design: the name of the choice taken among `candidates`, all of which were worked out. output_scale
-    (p,): sizes of the outputs at which their errors count alike.
+    Args:
+        modification: of each interval.
+        design: name of the choice taken.
+        candidates: the choices that were worked out and compared; none for the robust design.
+        output_scale: sizes of the outputs at which their errors count alike (p,).
     """
 
     modification: tuple[Modification, ...] = ()
@@ -137,14 +147,18 @@ def modified_inversion(
     and places the chains of integrators of e; the other zeros stay. eta_eq is the internal equilibrium of the held output and L
     acts on derivatives of y_d alone, so the output comes to rest on its target.
 
-    error_poles: as many as the relative degrees add up to, output by output. move: {zero: where it goes} [rad/s], zeros to four
-    digits, conjugates implied; or axis_distance, real_part: all zeros with |Re| <= axis_distance get that real part (positive:
-    still preactuation, faster; negative: postactuation instead). interval: where zeros are moved, for a switched model
-    (default: everywhere; a name moves the zero in those of the intervals that have it).
-    design: "least error" works out several choices of the freedom in F (several outputs) and L (least squares) and keeps the one
-    with the least integral square of the error for this reference; "robust" places robustly, L = 0. output_scale (p,): sizes at
-    which errors of the outputs count alike; default: the peak of each output's motion, the largest of these for those that hold.
-    tolerance, max_preactuation: as for `invert`.
+    Args:
+        model, reference, tolerance, max_preactuation: as for `invert`.
+        error_poles: poles of e [rad/s], as many as the relative degrees add up to, output by output.
+        move: {zero: where it goes} [rad/s], zeros to four digits, conjugates implied.
+        axis_distance, real_part: instead of `move`, all zeros with |Re| <= axis_distance get that real part [rad/s] (positive:
+            still preactuation, but faster; negative: postactuation instead).
+        interval: number or numbers of the intervals of a switched model in which zeros are moved; None: all. A zero named in `move`
+            is moved in those of them that have it.
+        design: "least error" works out several choices of the freedom in F (several outputs) and L (least squares) and keeps the
+            one with the least integral square of the error for this reference; "robust" places robustly, L = 0.
+        output_scale: sizes at which errors of the outputs count alike (p,), or one for all; by default the peak of each output's
+            motion, and the largest of these for outputs that hold still.
 
     Raises InversionError (options, zeros that cannot be moved, no equilibrium for the held output), NonHyperbolicError (zeros on
     the axis not moved), TrajectoryError, RelativeDegreeError, BoundednessError. Source: Devasia 1996 (non-hyperbolic internal

@@ -141,7 +141,15 @@ def _named(zeros: ComplexArray, imag: Array, near: float, name: complex, target:
 def require_movable(
     system: StateSpace, internal: InternalDynamics, moved: NDArray[np.bool_], *, interval: int, endless: bool
 ) -> None:
-    """Raises InversionError for zeros that no input moves, NonHyperbolicError for those left on the axis of an endless interval."""
+    """Raises InversionError for zeros that no input moves, NonHyperbolicError for those left on the axis of an endless interval.
+
+    Args:
+        system: the plant in the interval.
+        internal: its internal dynamics.
+        moved: which of its zeros are moved (n_z,).
+        interval: number of the interval, for the message.
+        endless: whether it is the first or the last one.
+    """
     left = on_axis(internal) & ~moved & endless
     if not np.any(left) and not np.any(moved):
         return

@@ -24,9 +24,15 @@ PLACED_TOLERANCE = 1e-4
 class MovablePart:
     """The part of the modified inverse that is placed: z = [e; Y' xi], z' = M z + B v, xi = eta - eta_eq.
 
-    Y (n_z, k) spans the left invariant subspace of A_eta of the zeros to move: Y' A_eta = M_22 Y'. With the errors e = zeta -
-    zeta_d, chains of integrators, it closes without a decoupling of the two, which zeros at or near the origin would not allow.
-    error_poles, targets: the poles wanted, of the errors and of the zeros moved. degrees: relative degree.
+    The errors e = zeta - zeta_d are chains of integrators. Together with them Y' xi obeys equations of its own; the two need not
+    be decoupled, which zeros at or near the origin would not allow.
+
+    Args:
+        M, B: (rho + k, rho + k) and (rho + k, p).
+        Y: basis of the left invariant subspace of A_eta that belongs to the k zeros to move, Y' A_eta = M_22 Y' (n_z, k).
+        degrees: relative degree of each output (p,).
+        error_poles: poles wanted of the errors (rho,) [rad/s].
+        targets: where the zeros are moved (k,) [rad/s].
     """
 
     M: Array

@@ -51,9 +51,12 @@ def preactuation_trade_off(
 ) -> TradeOff:
     """What each of `real_parts` [rad/s] for the offending zeros costs in tracking error and gains in preactuation.
 
-    The zeros are those with |Re| <= axis_distance, or the `zeros` named (conjugates implied); their imaginary parts stay (those of
-    names as they are written). level: share of the peak input from which on the preactuation counts. error_poles and further
-    options: as for `modified_inversion`, which is worked out once per real part.
+    Args:
+        model, reference, error_poles, options: as for `modified_inversion`, which is worked out once per real part.
+        real_parts: where the zeros are moved, one real part after another; their imaginary parts stay.
+        axis_distance: the zeros moved are those with |Re| up to this [rad/s].
+        zeros: or they are the ones named here [rad/s], conjugates implied; their imaginary parts are then those written here.
+        level: share of the peak input from which on the preactuation counts.
 
     Raises InversionError for neither or both of axis_distance and zeros, without real parts, and as `modified_inversion` does.
     """
@@ -79,11 +82,18 @@ def tune_modified_inversion(
 ) -> ModifiedTrajectory:
     """The modified inverse that makes the best of what can be afforded, by a bracketed search on the real part of the moved zeros.
 
-    preactuation [s]: the least real part with which the input stays below `level` of its peak until then, so the least error (an
-    input that oscillates gets above the level half a period earlier or later, so part of the time may be left unused); or error
-    (share of each output's scale): the largest real part that keeps the error, so the shortest preactuation. axis_distance or
-    zeros: as for `preactuation_trade_off`. real_parts: least and largest real part tried [rad/s]; default: from where the zeros are
-    (or 1e-3 of their magnitude) to ten times their magnitude. Further options: as for `modified_inversion`.
+    What can be afforded is either a preactuation or an error.
+
+    Args:
+        model, reference, error_poles, options: as for `modified_inversion`.
+        preactuation: how long before the manoeuvre the input may be above `level` of its peak [s]. The least real part that keeps
+            to it is taken, so the least error (an input that oscillates gets above the level half a period earlier or later, so
+            part of the time may be left unused).
+        error: largest error, as a share of each output's scale. The largest real part that keeps to it is taken, so the shortest
+            preactuation.
+        axis_distance, zeros, level: as for `preactuation_trade_off`.
+        real_parts: least and largest real part tried [rad/s]; by default from where the zeros are (or 1e-3 of their magnitude) to
+            ten times their magnitude.
 
     Raises InversionError for not exactly one wish, and for one that cannot be met, with the best that can be reached.
     """
@@ -192,11 +202,15 @@ def _point(real_part: float, plan: ModifiedTrajectory, level: float) -> TradeOff
 
 @dataclass(frozen=True)
 class TradeOffPoint:
-    """One real part [rad/s] for the zeros moved, and what it costs and gains.
+    """One real part for the zeros moved, and what it costs and gains.
 
-    alpha [rad/s]: decay rate of the input before the manoeuvre (infinite: none). preactuation [s]: from when on the input is above
-    the trade's level. max_error, error_after: largest predicted |y - y_d| over all of time, and after T_f, of any output as a share
-    of its scale. peak_input: largest |u_i| in the inputs' units.
+    Args:
+        real_part: of the zeros moved [rad/s].
+        alpha: rate at which the input before the manoeuvre decays backward in time [rad/s]; infinite without preactuation.
+        preactuation: how long before the manoeuvre the input gets above the level of the trade-off [s].
+        max_error: largest predicted |y - y_d| over all of time, of any output as a share of its scale.
+        error_after: the same after the manoeuvre's end T_f.
+        peak_input: largest |u_i|, in the inputs' units.
     """
 
     real_part: float
