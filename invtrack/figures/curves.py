@@ -1,4 +1,4 @@
-"""Curves of one's own: over time beside each other, over a swept parameter, decaying, or over frequency."""
+"""Any curves: over time in panels above each other, over a swept parameter, decaying, or over frequency."""
 
 from __future__ import annotations
 
@@ -37,9 +37,12 @@ def overlay_figure(
 ) -> Figure:
     """Panels above each other over time, each with curves of one quantity; a curve has the same look in every panel.
 
-    panels: (label with unit, {curve: (times (m,) [s], values (m,))}). wanted: name of the curve that is drawn dashed and on top, as
-    what the others are to follow. window (start, end) [s]: what is shown, all unless given.
-    limits: for a panel's label, the (lowest, highest) value that its quantity may take, drawn as dotted lines.
+    Args:
+        title: of the figure.
+        panels: (label with unit, {curve: (times (m,) [s], values (m,))}) of each.
+        wanted: name of the curve that the others are to follow, drawn dashed and on top.
+        window: (start, end) [s] that is shown; all unless given.
+        limits: (lowest, highest) value that a panel's quantity may take, by the panel's label; drawn as dotted lines.
 
     Raises InvtrackError for a panel without curves, a curve whose times and values differ in number, limits of an unknown panel.
     """
@@ -94,7 +97,7 @@ def plan_figure(
         window: (start, end) [s] that is shown; the manoeuvre with its own length before and after it unless given, as far as the
             plans go.
 
-    Raises InvtrackError for no plan, plans of different channels, and names of states that there are not.
+    Raises InvtrackError for no plan, plans of different channels, and names of states that do not exist.
     """
     named = {plans.method: plans} if isinstance(plans, Plan) else dict(plans)
     if not named:
@@ -138,8 +141,14 @@ def sweep_figure(
 ) -> Figure:
     """Lines for what is predicted, markers for what is measured, one colour per curve.
 
-    label: of the swept parameter, with its unit; values: its values; predicted, measured: curve by name, one number per value;
-    quantity: label of the vertical axis, with its unit. Raises InvtrackError where lengths differ.
+    Args:
+        title: of the figure.
+        label: of the swept parameter, with its unit.
+        values: of the swept parameter (m,).
+        predicted, measured: curves by name, one number per value (m,).
+        quantity: label of the vertical axis, with its unit.
+
+    Raises InvtrackError where lengths differ.
     """
     for name, curve in (*predicted.items(), *measured.items()):
         if len(curve) != len(values):
@@ -168,7 +177,7 @@ class Decay:
     rate: float
 
     def expected(self) -> Array:
-        """exp(-rate t) through the error's largest value, so measured, in the second half of the time (m,)."""
+        """The exponential of this rate that touches the error from above in the second half of the time, (m,)."""
         since = self.time - self.time[0]
         late = since >= since[-1] / 2
         height = np.max(np.abs(self.values[late]) * np.exp(self.rate * (since[late] - since[-1])))
@@ -207,12 +216,18 @@ def decay_figure(title: str, decays: Sequence[Decay]) -> Figure:
 def frequency_response_figure(
     title: str, *, w: Array, curves: Mapping[str, ComplexArray], magnitude: str, phase: bool = True
 ) -> Figure:
-    """Magnitude on logarithmic axes and, below it, the continuous phase of each curve, left out with phase=False.
+    """Magnitude on logarithmic axes and, below it, the continuous phase of each curve.
 
     The phase starts between -270 and 90 degrees: a double integrator's at -180.
 
-    w (m,): frequencies [rad/s], positive and increasing. curves: {name: response (m,)}. magnitude: label of the upper axis, with
-    its unit. Raises InvtrackError where frequencies are not positive or not in order, and where lengths differ.
+    Args:
+        title: of the figure.
+        w: frequencies (m,) [rad/s], positive and increasing.
+        curves: {name: response (m,)}.
+        magnitude: label of the upper axis, with its unit.
+        phase: whether the phase is shown.
+
+    Raises InvtrackError where frequencies are not positive or not in order, and where lengths differ.
     """
     if not curves or len(w) < 2 or w[0] <= 0 or np.any(np.diff(w) <= 0):
         raise InvtrackError("expected at least one curve over two or more positive frequencies that increase")

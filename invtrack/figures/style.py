@@ -93,7 +93,15 @@ def label(name: str, unit: str) -> str:
 
 
 def write(axes: Axes, text: str, at: tuple[float, float], coordinates: Any, offset: tuple[float, float], **look: Any) -> None:
-    """Small text at a point of a panel's `coordinates`, moved by `offset` points."""
+    """Small text at a point of a panel.
+
+    Args:
+        axes, text: the panel, and what is written into it.
+        at: the point, in `coordinates`.
+        coordinates: a coordinate system of matplotlib's: a name such as "data", or a transform.
+        offset: from the point to the text [points], (right, up).
+        look: further properties of the text, or others in place of the usual ones.
+    """
     look = {"color": INK, "fontsize": 8, **look}
     axes.annotate(text, at, xycoords=coordinates, xytext=offset, textcoords="offset points", **look)
 

@@ -33,11 +33,16 @@ def trade_off_figure(
 ) -> Figure:
     """Panels above each other, one per quantity, over one quantity that is given up; the points of a curve joined in their order.
 
-    horizontal: (label with unit, value of each point). panels: (label with unit, {curve: value of each point}) from top to bottom;
-    NaN leaves a point out of a curve and interrupts its line, so that families of points can share the horizontal axis. A curve has
-    the same look in every panel. notes: a text for each point, "" for those without, written beside the point's first curve of the
-    top panel and marked in all panels. horizontal_log, vertical_log: logarithmic axes, on which a value that is not positive has no
-    place.
+    A curve has the same look in every panel. NaN leaves a point out of a curve and interrupts its line, so that families of points
+    can share the horizontal axis.
+
+    Args:
+        title: of the figure.
+        horizontal: (label with unit, value of each point).
+        panels: (label with unit, {curve: value of each point}), from top to bottom.
+        notes: a text for each point, "" for those without, written beside the point's first curve of the top panel and marked in
+            all panels.
+        horizontal_log, vertical_log: whether the axes are logarithmic; on these a value that is not positive has no place.
 
     Raises InvtrackError where lengths differ, or where there is nothing to draw.
     """

@@ -32,7 +32,7 @@ def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float =
     plants without antistable zeros. Zeros on the imaginary axis are allowed: what the manoeuvre leaves in them rings on for ever,
     while the output stands still; `postactuation` is then 0 and `remarks` says so.
 
-    model, reference, tolerance: as for `invert`. Raises InversionError (tolerance), NonHyperbolicError (antistable zeros, repeated
+    model, reference, tolerance: as for `invert`. Raises PlanError (tolerance), NonHyperbolicError (antistable zeros, repeated
     zeros on the axis, a zero at the origin), TrajectoryError, RelativeDegreeError, CompatibilityError, BoundednessError. It is what
     `modified_inversion` and `invert` are compared with. Source: Devasia 1996 (non-hyperbolic internal dynamics), section 2.3.
     """

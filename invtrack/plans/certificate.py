@@ -34,7 +34,7 @@ class Certificate:
     """How well a planned trajectory meets its conditions, measured from its values alone, not from how it was found.
 
     dynamics_residual: largest |x(b) - x(a) - integral of A x + B u| over panels, relative to each state's peak.
-    output_error: largest |C x + D u - wanted output| (and whether the planned y says the same), relative to the peak of the wanted
+    output_error: largest sum of |C x + D u - wanted output| and |planned y - (C x + D u)|, relative to the peak of the wanted
     motion.
     continuity: largest jump of a state at a breakpoint, relative to its peak.
     rest_residual: largest distance of a state from rest (or from its bounded particular solution) at the ends of the trajectory,

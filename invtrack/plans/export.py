@@ -34,6 +34,10 @@ def export_plan(
 ) -> Path:
     """Write `sampled_plan` to a CSV file in one piece; returns the path.
 
+    Args:
+        plan, rate, inputs, start, end: see `sampled_plan`.
+        path: of the file, ending in .csv.
+
     Raises TrajectoryError as `sampled_plan` does; FileError for another suffix than .csv, and where the file cannot be written.
     """
     return write_samples(sampled_plan(plan, rate=rate, inputs=inputs, start=start, end=end), path)
@@ -65,15 +69,18 @@ def sampled_plan(
 ) -> SampledPlan:
     """The plan at t_k = start + k / rate up to `end`: x_ref, y_d and planned y at t_k, u_ff for the time until t_(k+1).
 
-    rate [Hz]. start, end [s]: by default where the plan leaves rest and where it has come to rest again. inputs: what u_ff[k] is.
-    "midpoint" (default): its value in the middle of the hold, so that a zero-order hold follows the plan with an error of order
-    rate^-2. "average": its mean over the hold, of the same order; it keeps the impulse where the input is fast against the rate.
-    "sample": its value at t_k, for targets that interpolate; with a zero-order hold the error is of order 1 / rate. In the first
-    two cases a hold across breakpoints, where u may jump, gets the mean of the stretches between them, weighted by their durations,
-    so that the order stays. At a breakpoint itself y_d, y and u are taken from its right.
-
     Headers are the names and units of the plan's model. x_ref is the deviation from the operating point that `plan` was planned
-    about; u_ff, y_d and y are absolute.
+    about; u_ff, y_d and y are absolute. At a breakpoint y_d, y and u are taken from its right.
+
+    Args:
+        plan: what is sampled.
+        rate: number of samples per second [Hz].
+        inputs: what u_ff[k] is. "midpoint" (default): the input in the middle of the hold, so that a zero-order hold follows the
+            plan with an error of order rate^-2. "average": its mean over the hold, with an error of the same order; it keeps the
+            impulse where the input is fast against the rate. In both cases a hold across breakpoints, where u may jump, gets the
+            mean of the stretches between them, weighted by their durations, so that the order stays. "sample": the input at t_k,
+            for targets that interpolate; with a zero-order hold the error is of order 1 / rate.
+        start, end: times [s]; by default where the plan leaves rest and where it has come to rest again.
 
     Raises TrajectoryError for a rate that is not positive, end before start, an unknown kind of inputs, or too many rows.
     """

@@ -20,7 +20,14 @@ Difference = Callable[[Array, Array], Array]
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Values at given times: x (m, n) deviations from the operating point, u (m, p) and y, y_d (m, p) absolute."""
+    """Values of a plan at given times.
+
+    Args:
+        time: (m,) [s].
+        x: states (m, n), as deviations from the operating point.
+        u: inputs (m, p), absolute.
+        y, y_d: planned and wanted outputs (m, p), absolute.
+    """
 
     time: Array
     x: Array
@@ -31,13 +38,20 @@ class Samples:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Plan:
-    """Input, state and output that a method plans for a reference, on all of time.
+    """Input, state and output that a method plans for a reference, over all of time.
 
-    method: its name. model: the plant it was planned for. reference: the wanted output y_d. manoeuvre: (T_i, T_f) [s], the hull of
-    the reference's breakpoints and of the plant's jumps. preactuation, postactuation: how long before T_i and after T_f [s] it
-    differs from rest by more than `tolerance`, relative to the peak of each state and input. remarks: what a user should know
-    about the solution (for instance that it was not unique). difference: x minus x_ref in the plant's own way, both (n,), where
-    plain subtraction will not do (angles that turn round, quaternions).
+    Args:
+        method: its name.
+        model: the plant that it was planned for.
+        reference: the wanted output y_d.
+        trajectory: [x; u; y] as deviations from the operating point.
+        manoeuvre: (T_i, T_f) [s], the hull of the reference's breakpoints and of the plant's jumps.
+        preactuation, postactuation: how long before T_i and after T_f [s] the plan differs from rest by more than `tolerance`.
+        tolerance: what counts as rest, as a share of the peak of each state and input.
+        certificate: how well the plan meets its own equations.
+        remarks: what a user should know about the solution (for instance that it was not unique).
+        difference: x minus x_ref in the plant's own way, both (n,), where plain subtraction will not do (angles that turn round,
+            quaternions); None: plain subtraction.
     """
 
     method: str

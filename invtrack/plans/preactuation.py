@@ -32,7 +32,15 @@ SAMPLES = 40_000
 
 @dataclass(frozen=True, eq=False)
 class InputGrowth:
-    """u(t_0 - sigma) - u_rest = X exp(-A sigma) z, A antistable, in modes: the same is sum_j shares_j exp(-rates_j sigma)."""
+    """u(t_0 - sigma) - u_rest = X exp(-A sigma) z, A antistable, in modes: the same is sum_j shares_j exp(-rates_j sigma).
+
+    Args:
+        A, X, z: (n_z, n_z), (p, n_z) and (n_z,); without states where there is no preactuation.
+        u_rest: input at rest before the manoeuvre (p,).
+        rates: eigenvalues of A whose modes appear in the input (k,) [rad/s].
+        shares: what each of these modes adds to the input at t_0 (p, k).
+        vectors: eigenvectors of A that belong to the rates (n_z, k).
+    """
 
     A: Array
     X: Array

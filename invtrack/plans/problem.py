@@ -35,9 +35,14 @@ SAMPLES = 2000
 class PlanningProblem:
     """A plant, a reference and what counts as rest, checked to fit each other.
 
-    deviation: the reference from the operating point, with breakpoints at the jumps and wherever decaying modes need them.
-    end_anchors: its states at the ends of its pieces. tolerance: share of each peak that counts as rest; max_preactuation [s]:
-    limit of the preactuation, or None.
+    Args:
+        plant: with any number of switch times.
+        reference: the wanted output, absolute.
+        deviation: the reference as deviation from the operating point, with breakpoints at the jumps and wherever decaying modes
+            need them.
+        end_anchors: states of the deviation at the ends of its pieces (m + 2, q).
+        tolerance: share of each peak that counts as rest.
+        max_preactuation: longest preactuation [s], or None: unlimited.
     """
 
     plant: SwitchedSystem

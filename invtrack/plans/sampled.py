@@ -38,10 +38,16 @@ FEWEST_SAMPLES = 4
 
 @dataclass(frozen=True, eq=False)
 class SampledPlan:
-    """A planned trajectory at m instants: time (m,) [s], u_ff (m, p), x_ref (m, n), y_d (m, p) and planned y (m, p).
+    """A planned trajectory at m instants.
 
-    What u_ff holds for the time after each instant is said in `notes`. names: per array its channels, with [unit] where known.
-    origin: what the rows do not say of the plan that they come from, its linear model included, as JSON.
+    Args:
+        time: the instants (m,) [s].
+        u_ff: feedforward (m, p) for the time after each instant, absolute; `notes` says which value of that time it is.
+        x_ref: states (m, n), as deviations from the operating point.
+        y_d, y: wanted and planned outputs (m, p), absolute.
+        names: per array its channels, with [unit] where known.
+        notes: comments for people who read the file.
+        origin: what the rows do not say of the plan that they come from, its linear model included, as JSON.
 
     Raises TrajectoryError where shapes do not fit.
     """

@@ -22,9 +22,13 @@ AT_REST = 1e-12
 class Tail:
     """values = X exp(M sigma) v + X_w exp(direction S sigma) w at distance sigma >= 0 [s] from the edge of the manoeuvre.
 
-    direction: -1 before the manoeuvre, 1 after it. The first term is the departure, which dies out where M (n, n) is stable:
-    X (r, n), v (n,). The second is the bounded particular solution for the reference's state w (q,), w' = S w: X_w (r, q); constant
-    where the reference holds still.
+    The first term is the departure, which dies out where M is stable; the second is the bounded particular solution for the
+    reference's state, w' = S w, constant where the reference holds still.
+
+    Args:
+        direction: -1 before the manoeuvre, 1 after it.
+        M, X, v: of the departure, (n, n), (r, n) and (n,).
+        S, X_w, w: of the particular solution, (q, q), (r, q) and (q,).
     """
 
     direction: int

@@ -1,4 +1,4 @@
-"""Trajectories on all of time: segments between breakpoints, and a tail on either side."""
+"""Trajectories over all of time: segments between breakpoints, and a tail on either side."""
 
 from __future__ import annotations
 
@@ -31,9 +31,13 @@ class Segments(Protocol):
         ...
 
     def values(self, number: Indices, since: Array, until: Array, rows: slice, resolution: float) -> Array:
-        """Values (k, rows) in segments `number` (k,), `since` [s] after their starts and `until` [s] before their ends.
+        """Values (k, rows) at k times.
 
-        resolution [s]: how far the times may be off as they are.
+        Args:
+            number: of the segment of each time (k,).
+            since, until: distance of each time from the start and from the end of its segment (k,) [s].
+            rows: which of the r values.
+            resolution: by how much rounding may have moved the times [s].
         """
         ...
 
@@ -48,7 +52,13 @@ class Segments(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class TwoSidedSegments:
-    """Segments of one driven two-sided system: z_f (k, n_f) and w (k, q) at their starts, z_b (k, n_b) and w at their ends."""
+    """Segments of one driven two-sided system.
+
+    Args:
+        driven: the system.
+        z_f, w_start: forward part (k, n_f) and reference's state (k, q) at the segments' starts.
+        z_b, w_end: backward part (k, n_b) and reference's state (k, q) at their ends.
+    """
 
     driven: DrivenSystem
     z_f: Array
@@ -67,7 +77,11 @@ class TwoSidedSegments:
         return max((pace_of(M) for M in self.driven.pace if M.size), default=0.0)
 
     def values(self, number: Indices, since: Array, until: Array, rows: slice, resolution: float) -> Array:
-        """X_f z_f + X_w w, integrated from the start, plus X_b z_b, integrated from the end."""
+        """X_f z_f + X_w w, integrated from the start, plus X_b z_b, integrated from the end.
+
+        Args:
+            number, since, until, rows, resolution: see `Segments.values`.
+        """
         forward, backward = self.driven.system.forward, self.driven.system.backward
         X_w = self.driven.X_w[rows]
         result = np.zeros((len(number), len(X_w)))
@@ -107,7 +121,11 @@ class PolynomialSegments:
         return float((self.coefficients.shape[1] - 1) / np.min(self.lengths, initial=np.inf))
 
     def values(self, number: Indices, since: Array, until: Array, rows: slice, resolution: float) -> Array:
-        """By Horner's scheme."""
+        """The polynomials' values, by Horner's scheme.
+
+        Args:
+            number, since, until, rows, resolution: see `Segments.values`.
+        """
         share = np.clip(since / self.lengths[number], 0.0, 1.0)[:, None]
         chosen = self.coefficients[number][:, :, rows]
         result = chosen[:, -1].copy()
@@ -129,11 +147,16 @@ class PolynomialSegments:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Values (r,) on all of time, for a plan [x; u; y] as deviations from the operating point.
+    """Values (r,) over all of time, for a plan [x; u; y] as deviations from the operating point.
 
-    breakpoints t_0 ... t_m (m + 1,) [s]. There are m + 2 pieces: 0 is the tail before t_0, piece j the segment from t_(j-1) to t_j,
-    the last one the tail after t_m. groups: the segments by their kinds; group (m,), number (m,): which segment of which group each
-    inner piece is. A time on a breakpoint belongs to both sides; who asks says which piece is meant.
+    There are m + 2 pieces: 0 is the tail before t_0, piece j the segment from t_(j-1) to t_j, the last one the tail after t_m. A
+    time on a breakpoint belongs to both sides; the caller says which piece is meant.
+
+    Args:
+        breakpoints: t_0 ... t_m (m + 1,) [s].
+        groups: the segments by their kinds.
+        group, number: which group, and which of its segments, each inner piece is (m,).
+        before, after: the tails.
     """
 
     breakpoints: Array
@@ -198,9 +221,13 @@ class Trajectory:
 
 
 def grouped(breakpoints: Array, owner: Indices, make: Callable[[int, Indices], Segments], before: Tail, after: Tail) -> Trajectory:
-    """The trajectory whose inner pieces belong to the owners `owner` (m,), any numbers; those of one owner form a group.
+    """The trajectory whose inner pieces have owners; the pieces of one owner form a group.
 
-    make: from an owner, and the numbers of its pieces among the inner ones, to its segments.
+    Args:
+        breakpoints: edges of the inner pieces (m + 1,) [s].
+        owner: of each inner piece (m,), any whole numbers.
+        make: from an owner, and the numbers of its pieces among the inner ones, to its segments.
+        before, after: the tails.
     """
     owners, group = np.unique(owner, return_inverse=True)
     number = np.empty(len(owner), dtype=np.intp)

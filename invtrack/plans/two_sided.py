@@ -86,8 +86,13 @@ class TwoSidedSystem:
 class DrivenSystem:
     """A two-sided system with what a reference's state w' = S w adds to it.
 
-    z_f' = A_f z_f + D_f w, z_b' = A_b z_b + D_b w; X_w w is the reference's share of the values and J_w w of what is continuous.
-    S (q, q), D_f (n_f, q), D_b (n_b, q), X_w (r, q), J_w (m, q).
+    z_f' = A_f z_f + D_f w, z_b' = A_b z_b + D_b w.
+
+    Args:
+        system: the two-sided system.
+        S: generator of the reference (q, q).
+        D_f, D_b: what drives each part, (n_f, q) and (n_b, q).
+        X_w, J_w: X_w w is the reference's share of the values and J_w w of what is continuous through a jump, (r, q) and (m, q).
     """
 
     system: TwoSidedSystem

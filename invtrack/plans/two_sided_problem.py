@@ -26,8 +26,14 @@ SAME_ROW_TOLERANCE = 1e-9
 class Stretch:
     """One interval of the plant within the manoeuvre (no piece, where it lies outside) and the reference's pieces in it.
 
-    which (k,): the driven system of each piece, among `driven`; lengths (k,) [s]; w_start, w_end (k, q): the reference's states at
-    the pieces' starts and ends, padded to the largest q. v = [z_f at its start; z_b at its end] is unknown.
+    v = [z_f at its start; z_b at its end] is unknown.
+
+    Args:
+        system: the two-sided system of the interval.
+        driven: the driven systems, of all stretches.
+        which: for each piece, the number of its driven system among these (k,).
+        lengths: of the pieces (k,) [s].
+        w_start, w_end: the reference's states at the pieces' starts and ends (k, q), padded to the largest q.
     """
 
     system: TwoSidedSystem
@@ -100,8 +106,12 @@ class Stretch:
 class Pieces:
     """Which driven two-sided system holds when, and the states of the reference that drives it.
 
-    breakpoints (m + 1,) [s]; of the m + 2 pieces: which (m + 2,): its driven system, among `driven`; w_start, w_end (m + 2, q): the
-    reference's state at its start and end, padded, of the pieces without start or end at the other one.
+    Args:
+        breakpoints: edges of the m + 2 pieces (m + 1,) [s]; the first piece has no start, the last one no end.
+        driven: the driven systems.
+        which: for each piece, the number of its driven system among these (m + 2,).
+        w_start, w_end: the reference's state at each piece's start and end (m + 2, q), padded to the largest q; of the first
+            and the last piece both are the state at the one edge that they have.
     """
 
     breakpoints: Array
@@ -119,9 +129,12 @@ class Pieces:
 class TwoSidedProblem(Pieces):
     """Two-sided systems joined at switches; the solution is bounded before and after the manoeuvre.
 
-    owner (m + 2,): the interval in which each piece lies; systems (N + 1,): of each interval; switch_times (N,) [s]: breakpoints at
-    which they change. peaks: per switch the largest size anywhere of what the new system prescribes (rho,), since it may pass
-    through zero there.
+    Args:
+        breakpoints, driven, which, w_start, w_end: see Pieces.
+        owner: the interval of the plant in which each piece lies (m + 2,).
+        systems: of each interval (N + 1,).
+        switch_times: breakpoints at which the systems change (N,) [s].
+        peaks: per switch the largest size anywhere of what the new system prescribes (rho,), since it may pass through zero there.
     """
 
     owner: Indices
@@ -224,9 +237,12 @@ def two_sided_problem(
 class TwoSidedSolution:
     """v of each stretch, [z_f at its start; z_b at its end], with how the equations were solved.
 
-    open_checks: per switch the compatibility row without unknowns that fails worst, and by how much, relative to its terms.
-    compatibility_rows: per switch, how many others hold unknowns. size: largest right-hand side, the measure of what counts as
-    consistent.
+    Args:
+        problem, stretches: what was solved.
+        boundary: the solution of the boundary value problem.
+        open_checks: per switch the compatibility row without unknowns that fails worst, and by how much, relative to its terms.
+        compatibility_rows: per switch, how many others hold unknowns.
+        size: largest right-hand side, the measure of what counts as consistent.
     """
 
     problem: TwoSidedProblem

@@ -22,9 +22,14 @@ from invtrack.plant.elements import element_id
 
 
 def state_of(model: mujoco.MjModel, x0: Array, qpos: ArrayLike, qvel: ArrayLike, act: ArrayLike = ()) -> Array:
-    """The state x (2 nv + na,) of the configuration (qpos, qvel, act), as deviation from the operating point x0 (nq + nv + na,).
+    """The state x (2 nv + na,) of a configuration, as deviation from the operating point.
 
     Rotations of ball and free joints are exact up to half a turn from x0; beyond it the shorter way round is taken.
+
+    Args:
+        model: the MuJoCo model.
+        x0: the operating point (nq + nv + na,).
+        qpos, qvel, act: the configuration, (nq,), (nv,) and (na,).
 
     Raises PlantError where a length does not fit the model.
     """
@@ -65,7 +70,12 @@ def _vector(name: str, value: ArrayLike, size: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """qpos (nq,), qvel (nv,), act (na,), ctrl (nu,) and the poses of mocap bodies, in MuJoCo's own coordinates."""
+    """An operating point in MuJoCo's own coordinates.
+
+    Args:
+        qpos, qvel, act, ctrl: positions (nq,), velocities (nv,), activations (na,) and controls (nu,).
+        mocap_pos, mocap_quat: poses of the mocap bodies, (nmocap, 3) and (nmocap, 4).
+    """
 
     qpos: Array
     qvel: Array

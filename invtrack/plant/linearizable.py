@@ -96,7 +96,13 @@ def refuse_constraints(model: mujoco.MjModel, data: mujoco.MjData) -> None:
 
 
 def refuse_kinks(plant: Plant, jacobian: Array, jump: Array, rows: list[str], columns: list[str]) -> None:
-    """Refuse one-sided derivatives that differ: a dead band, a clamp, or a switch right at the operating point."""
+    """Refuse one-sided derivatives that differ: a dead band, a clamp, or a switch right at the operating point.
+
+    Args:
+        plant: whose name the message states.
+        jacobian, jump: derivatives, and how far the one-sided ones lie apart (m, k).
+        rows, columns: names of what is derived (m,), and of what it is derived with respect to (k,).
+    """
     scale = np.maximum(1.0, np.max(np.abs(jacobian), axis=1, keepdims=True))
     row, column = np.unravel_index(np.argmax(jump / scale), jump.shape)
     if jump[row, column] > 1e-6 * scale[row, 0]:

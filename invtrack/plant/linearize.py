@@ -1,4 +1,4 @@
-"""Derivatives of a function by central differences with Richardson extrapolation."""
+"""The linear model of a plant about its operating point, by central differences with Richardson extrapolation."""
 
 from __future__ import annotations
 
@@ -78,17 +78,21 @@ def linearize(
     x (n = 2 nv + na,) is the deviation in tangent space, less the coordinates that the plant drops; continuous time, whatever
     integrator the file names. The rows of A that say "position' = velocity" are exact; the others, B, C and D are central
     differences of mj_forward with Richardson extrapolation, with an estimate of the largest error in each matrix in
-    `error_estimates`.
+    `error_estimates`. The model carries the plant's names and units, and in `parameters` the values of all named parameters for
+    which it holds.
 
-    step: the smallest perturbation of each state and input: in radians; in metres (for mechanisms smaller than a metre in units of
-    their extent); the same per second for velocities; in the unit of each control (times its size at the operating point where that
-    exceeds 1). It is rounded to a power of two, and reduced within narrow ctrlrange and actrange. equilibrium_tolerance: largest
-    rate x' at the operating point, in SI units. parameter_values: named parameters that differ from the file. The model carries the
-    plant's names and units, and in `parameters` the values of all named parameters for which it holds.
+    Args:
+        plant: at the operating point to linearize about.
+        step: the smallest perturbation of each state and input: in radians; in metres (for mechanisms smaller than a metre in units
+            of their extent); the same per second for velocities; in the unit of each control (times its size at the operating point
+            where that exceeds 1). It is rounded to a power of two, and reduced within narrow ctrlrange and actrange.
+        equilibrium_tolerance: largest rate x' that still counts as equilibrium, in SI units.
+        allow_nonequilibrium: whether the operating point need not be an equilibrium; its rate is then left out.
+        parameter_values: named parameters that differ from the file.
 
     Raises PlantError for unequal numbers of inputs and outputs, an operating point that is no equilibrium (unless
-    allow_nonequilibrium: its rate is then left out), active constraints, saturated controls, spinning ball or free joints, kinks,
-    dropped states that act on what is kept, and models in which qacc depends on the time step (integrator="discrete").
+    allow_nonequilibrium), active constraints, saturated controls, spinning ball or free joints, kinks, dropped states that act on
+    what is kept, and models in which qacc depends on the time step (integrator="discrete").
     """
     if len(plant.inputs) != len(plant.outputs):
         raise PlantError(

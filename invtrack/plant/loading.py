@@ -1,4 +1,4 @@
-"""The MJCF files that come with the project."""
+"""MJCF files: where those that come with the project are, and how any of them becomes a MuJoCo model."""
 
 from __future__ import annotations
 

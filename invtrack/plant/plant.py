@@ -42,14 +42,20 @@ class Plant:
     `invtrack.plant.configuration`), or less where coordinates are dropped. Actuators that are not inputs hold their control of the
     operating point.
 
-    path: the MJCF file. model: the model compiled with the file's parameter values (make a copy with `model_with` before changing
-    anything in it). spec: what it was compiled from. configuration: the operating point in MuJoCo's coordinates.
-
-    inputs, outputs, measurements: names and units, and their addresses in data.ctrl and data.sensordata. coordinates: all 2 nv + na
-    of the tangent space, positions before velocities before activations; dropped: names of those that are not among the states.
-    parameters: what each named parameter changes; parameter_channels: their names and units. couplings: forces linear in velocity
-    that the file carries (see `invtrack.plant.couplings`) and MuJoCo applies only within `forces`, in which everything that
-    invtrack computes from the plant takes place.
+    Args:
+        path: the MJCF file.
+        model: compiled with the file's parameter values; make a copy with `model_with` before changing anything in it.
+        spec: what the model was compiled from.
+        configuration: the operating point in MuJoCo's coordinates.
+        inputs, outputs, measurements: their `Channels`.
+        coordinates: all 2 nv + na of the tangent space, positions before velocities before activations.
+        input_addresses: where the inputs stand in data.ctrl (p,).
+        output_addresses, measurement_addresses: where these stand in data.sensordata.
+        dropped: names of the coordinates that are not among the states.
+        parameters: what each named parameter changes.
+        parameter_channels: names and units of the parameters.
+        couplings: forces linear in velocity that the file carries (see `invtrack.plant.couplings`). MuJoCo applies them only within
+            `forces`, in which everything that invtrack computes from the plant takes place.
     """
 
     path: Path
@@ -83,13 +89,16 @@ class Plant:
     ) -> Plant:
         """Load an MJCF file.
 
-        inputs: actuators ("NAME", or "NAME[1]" where one has several controls). outputs: sensors ("NAME", "NAME[1]"), or
-        "joint:NAME", "joint:NAME:velocity", "site:NAME:x" (y, z; world coordinates). measurements: what controllers that do not
-        know the state may measure, named like outputs; the outputs unless stated. drop_states: coordinates that act on nothing
-        (where a vehicle stands, its heading), which models and controllers are not to see; the simulation still moves them, and
-        `linearize` refuses where they do act. parameters: for instance {"tip_mass": BodyMass("tip")}. units: SI units that
-        replace those inferred, by the name of an input, output, state or parameter. keyframe: the operating point; without it
-        qpos0 at rest with zero controls.
+        Args:
+            path: of the file.
+            inputs: actuators ("NAME", or "NAME[1]" where one has several controls).
+            outputs: sensors ("NAME", "NAME[1]"), or "joint:NAME", "joint:NAME:velocity", "site:NAME:x" (y, z; world coordinates).
+            measurements: what controllers that do not know the state may measure, named like outputs; the outputs unless stated.
+            drop_states: coordinates that act on nothing (where a vehicle stands, its heading), which models and controllers are not
+                to see; the simulation still moves them, and `linearize` refuses where they do act.
+            parameters: for instance {"tip_mass": BodyMass("tip")}.
+            units: SI units that replace those inferred, by the name of an input, output, state or parameter.
+            keyframe: the operating point; without it qpos0 at rest with zero controls.
 
         Raises PlantError for a file that does not compile, unknown names (with those there are), velocity couplings that do not
         fit the model, and models whose state is more than (qpos, qvel, act): history buffers, plugins with state, plasticity.
@@ -134,9 +143,14 @@ class Plant:
         ctrl: ArrayLike | None = None,
         keyframe: str | None = None,
     ) -> Plant:
-        """The same plant at another operating point: a named keyframe's, or this one's, with the given arrays in place of it.
+        """The same plant at another operating point.
 
-        qpos (nq,), qvel (nv,), act (na,), ctrl (nu,: of all actuators). Raises PlantError for wrong sizes or an unknown keyframe.
+        Args:
+            qpos, qvel, act: positions (nq,), velocities (nv,) and activations (na,); None: as they are.
+            ctrl: controls of all actuators (nu,); None: as they are.
+            keyframe: name of the keyframe to start from; this plant's operating point unless given.
+
+        Raises PlantError for wrong sizes or an unknown keyframe.
         """
         start = self.configuration if keyframe is None else Configuration.of_model(self.model, keyframe)
         return replace(self, configuration=start.replaced(self.model, qpos=qpos, qvel=qvel, act=act, ctrl=ctrl))

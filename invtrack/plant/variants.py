@@ -23,7 +23,7 @@ def with_input_limits(plant: Plant, limits: Mapping[str, ArrayLike]) -> Plant:
     limits: (lowest, highest) by the name of the input, in its unit; a number stands for (-number, number). Inputs that are not
     named keep their range.
 
-    Raises PlantError for inputs that there are not, limits that are not finite or not in order, and a model that disables clamping.
+    Raises PlantError for inputs that do not exist, limits that are not finite or not in order, and a model that disables clamping.
     """
     unknown = [name for name in limits if name not in plant.inputs]
     if unknown:
@@ -51,7 +51,7 @@ def with_coupling_scaled(plant: Plant, name: str, scale: float) -> Plant:
     """The plant whose velocity coupling of that name has the matrix `scale` K in place of K, in the model, its specification and
     the forces alike.
 
-    Raises PlantError for a coupling that there is not and a scale that is not finite.
+    Raises PlantError for a coupling that does not exist and a scale that is not finite.
     """
     known = {coupling.name: coupling for coupling in plant.couplings}
     if name not in known:

@@ -51,8 +51,12 @@ LABEL_COLOR = (250, 250, 250, 255)
 class Scene:
     """World poses of a mechanism over the frames that are drawn.
 
-    frames: (F,) numbers of the samples. positions: (F, bodies, 3) [m]. quaternions: (F, bodies, 4), x y z w as Rerun wants them.
-    tendons: per spatial tendon that is to be seen its line strips at each frame.
+    Args:
+        model: the mechanism.
+        frames: numbers of the samples that are drawn (F,).
+        positions: of the bodies (F, bodies, 3) [m].
+        quaternions: of the bodies (F, bodies, 4), x y z w as Rerun wants them.
+        tendons: per spatial tendon that is to be seen its line strips at each frame.
     """
 
     model: mujoco.MjModel

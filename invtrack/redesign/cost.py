@@ -31,7 +31,8 @@ ROUNDING = 1e-12
 """A cost per second below this share of the terms that it is the sum of is what is left where they cancel."""
 
 AT_REST = 1e-12
-"""A held value this close to the operating point's output, as a share of the reference's size, is off it by rounding only."""
+"""A held value this close to the operating point's output, as a share of the reference's size, is off it by rounding only. A cost
+per second far outside the plan of no more than this share of its peak is rounding, too, not a cost that goes on for ever."""
 
 CONVERGED = 1e-12
 """A panel is halved until that changes its part of the integral by no more than this share of the whole."""
@@ -155,9 +156,6 @@ def frequency_weight(name: str, value: WeightLike, size: int, probes: Array) -> 
                 "(use |w| in its formula)"
             )
     return weight
-
-
-"""A cost per second far outside the plan of no more than this share of its peak is rounding, not a cost that goes on for ever."""
 
 
 def cost(plan: Plan, *, R: ArrayLike, Q_x: ArrayLike = 0.0, Q_y: ArrayLike) -> float:

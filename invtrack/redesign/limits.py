@@ -147,7 +147,7 @@ def _channels(name: str, value: ArrayLike, size: int, meaning: str) -> Array:
 def state_row(name: str, row: StateRow, plant: SwitchedSystem) -> Array:
     """The row (n,) that the states, as deviations from the operating point, are multiplied with.
 
-    Raises RedesignError for states that there are not, another number of weights than states, and weights that are not finite or
+    Raises RedesignError for states that do not exist, another number of weights than states, and weights that are not finite or
     all zero. `name` is what the message calls the combination.
     """
     states = plant.states.names

@@ -37,10 +37,15 @@ def quadratic_redesign(
     the manoeuvre. The plan's y is the redesigned output; `reference` stays the wanted one, and the certificate's output error is
     what lies between the two by design. Nothing is asked of the reference's smoothness.
 
-    model: StateSpace, SwitchedSystem, or anything with A, B, C, D. reference: absolute, in the units of the outputs, held still
-    before and after the manoeuvre. R (p, p) positive definite, Q_x (n, n), Q_y (p, p) positive semidefinite, in 1 / (units
-    squared); a number stands for that multiple of the identity. With Q_y = 0 the optimum is not to move. tolerance,
-    max_preactuation [s]: as in `invert`.
+    Args:
+        model: StateSpace, SwitchedSystem, or anything with A, B, C, D.
+        reference: absolute, in the units of the outputs, held still before and after the manoeuvre.
+        R: weight of the inputs (p, p), positive definite, in 1 / (units squared) like all weights; a number stands for that
+            multiple of the identity, here and below.
+        Q_x: weight of the states (n, n), positive semidefinite.
+        Q_y: weight of the output errors (p, p), positive semidefinite. Where it is zero the optimum is not to move.
+        tolerance: share of each peak that counts as rest, as in `invert`.
+        max_preactuation: longest preactuation [s], as in `invert`; None: as long as the tolerance asks.
 
     Raises TrajectoryError (wrong number of channels, a reference that does not hold still before and after), RedesignError
     (options or weights out of range; holding an end value would cost input for ever, so that the cost is infinite; a mode that
@@ -70,7 +75,11 @@ def free_optimum(
     tolerance: float,
     max_preactuation: float | None,
 ) -> FreeOptimum:
-    """What `quadratic_redesign` makes a plan of; arguments and errors are its own."""
+    """What `quadratic_redesign` makes a plan of; it raises the same errors.
+
+    Args:
+        model, reference, R, Q_x, Q_y, tolerance, max_preactuation: see `quadratic_redesign`.
+    """
     problem = _held_still(PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation))
     weights = as_weights(problem.plant, R=R, Q_x=Q_x, Q_y=Q_y)
     if np.any(weights.Q_y):

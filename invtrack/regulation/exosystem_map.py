@@ -54,7 +54,8 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
     solution, relative to each entry's peak.
 
     Raises TrajectoryError (number of outputs), RelativeDegreeError, NonHyperbolicError (zeros on the imaginary axis in the first or
-    last interval), InversionError (options out of range, an endless exosystem mode that is a plant zero, too ill-conditioned).
+    last interval), InversionError (an endless exosystem mode that is a plant zero), PlanError (options out of range; too
+    ill-conditioned).
     Source: Devasia, Paden, Rossi 1996, section 3.
     """
     if not 0 < tolerance < 1:

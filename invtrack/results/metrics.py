@@ -1,4 +1,4 @@
-"""What is left of a run in numbers: each metric is defined here and nowhere else.
+"""A run in numbers: each metric is defined here and nowhere else.
 
 All functions take a RunResult and return values in the run's units. Of several outputs or inputs the one with the largest value
 counts. Of a run that diverged the samples before the first one that is not finite count.
@@ -181,13 +181,17 @@ def run_cost(
     u_0: ArrayLike = 0.0,
     wanted: ArrayLike | None = None,
 ) -> float:
-    """Integral over the run of (u - u_0)'R (u - u_0) + x'Q_x x + (y - y_d)'Q_y (y - y_d), of what was measured.
+    """Integral over the run of (u - u_0)'R (u - u_0) + x'Q_x x + (y - y_d)'Q_y (y - y_d), of what was recorded.
 
-    R (p, p), Q_x (n, n), Q_y (p, p); a number stands for that multiple of the identity. u: the input applied, which holds over each
-    step; x: deviations from the operating point; both of them and y as recorded, so feedback and disturbances count. u_0 (p,):
-    input at the operating point. wanted (N + 1, p): y_d at the run's times, where it is not the reference that the controller was
-    given (a plan for another reference still has to answer for the one that is wanted). Trapezoidal rule: an error of the order
-    of the step squared.
+    u is the input applied, which holds over each step, and x the deviation from the operating point; both of them and y are as
+    recorded, so feedback and disturbances count. Trapezoidal rule: an error of the order of the step squared.
+
+    Args:
+        result: the run.
+        R, Q_x, Q_y: weights (p, p), (n, n) and (p, p); a number stands for that multiple of the identity.
+        u_0: input at the operating point (p,).
+        wanted: y_d at the run's times (N + 1, p), where it is not the reference that the controller was given (a plan for another
+            reference still has to answer for the one that is wanted).
 
     Raises InvtrackError for weights or a reference of the wrong shape, and for a run that diverged.
     """

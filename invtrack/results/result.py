@@ -59,16 +59,29 @@ class RunResult:
     States, outputs and references stand at the N + 1 times; inputs and parameters hold over the N steps that follow them. At a
     breakpoint the sample belongs to both sides: states and outputs are continuous there.
 
-    name: case name. model: name of the plant's model. time: (N + 1,) [s], 0 where the manoeuvre starts.
-    state: deviations from the operating point. state_reference: the state that the controller wants (NaN where it wants none).
-    output, reference: measured and wanted output. planned_output: what the controller plans to deliver (equal to the reference for
-    exact inversion; not for redesign). commanded, applied: the controller's input and what is left of it after the actuator's
-    limits; with evaluate="stages" the value at mid-step. measured, estimate: what the sensors showed at the latest update and the
-    state estimated from it; without channels for controllers that know the state. parameters: the named physical parameters in
-    force. parameter_bodies: for parameters that belong to one body, its name. qpos: (N + 1, nq) generalized positions; empty for
-    plants without geometry. manoeuvre: (T_i, T_f) [s]. vibration_period: period [s] of the slowest flexible mode of the plan's
-    model in its last interval, NaN where it has none. timestep: the largest step asked for [s]; evaluate: "held" or "stages".
-    status: "completed" or "diverged", with the reason in `message`. mjb: the compiled MuJoCo model (binary), for the 3-D scene.
+    Args:
+        name: of the case.
+        model: name of the plant's model.
+        time: (N + 1,) [s], on the clock of the reference.
+        state: deviations from the operating point.
+        state_reference: the state that the controller wants (NaN where it wants none).
+        output, reference: actual and wanted output.
+        planned_output: what the controller plans to deliver (equal to the reference for exact inversion; not for redesign).
+        commanded, applied: the controller's input, and what is left of it after the actuators' limits; with evaluate="stages" the
+            values at mid-step.
+        parameters: the named physical parameters in force.
+        manoeuvre: (T_i, T_f) [s].
+        timestep: the largest step asked for [s].
+        evaluate: "held" or "stages", see `invtrack.simulate`.
+        integrator: MuJoCo's name for it, or "exact" for a linear plant.
+        vibration_period: of the slowest flexible mode of the plan's model in its last interval [s], NaN where it has none.
+        measured, estimate: what the sensors showed at the latest update, and the state estimated from it; without channels for
+            controllers that know the state.
+        events: what happened, in the order of time.
+        parameter_bodies: for parameters that belong to one body, its name.
+        qpos: generalized positions (N + 1, nq); empty for plants without geometry.
+        status, message: "completed", or "diverged" and the reason.
+        mjb: the compiled MuJoCo model (binary), for the 3-D scene.
     """
 
     name: str

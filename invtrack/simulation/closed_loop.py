@@ -54,22 +54,27 @@ def simulate(
 ) -> RunResult:
     """Drive a plant with a controller and record everything.
 
-    plant: a MuJoCo plant, or a LinearPlant in its place; it starts at rest at its operating point, or at `initial_state` (n,).
-    controller: what acts on it; its plan sets the span of the run and what errors are measured against.
-    schedule: when physical parameters really change, known to the controller or not; positions and velocities are continuous there.
-        By default what the plan was made for happens: the parameters have the values of its model's first interval, and change at
-        its switch times. With a schedule they have the plant's own values until its first change; () lets nothing change. A
-        LinearPlant has its own switch times in place of all this.
-    timestep [s]: no step is longer; each interval between breakpoints (of schedule, controller, its updates and reference) is
-        divided evenly.
-    start, end [s]: by default from the plan's preactuation until it has come to rest, and at least 5 vibration periods
-        after the manoeuvre.
-    vibration_period [s]: of the slowest flexible mode, in which residual vibration is counted; by default that of the last interval
-        of the plan's model, which may not be quite that of the plant.
-    evaluate: "held" holds the feedforward's mean over each update's hold (error of order hold^2), "stages" evaluates the law at
-        every stage of RK4 (order timestep^4).
-    sensors: noise, quantization and delay of named measurements, for controllers that use them; seed: of the noise.
-    name: of the case. progress: called now and then with the share of the run that is done.
+    Args:
+        plant: a MuJoCo plant, or a LinearPlant in its place.
+        controller: what acts on it; its plan sets the span of the run and what errors are measured against.
+        schedule: when physical parameters really change, known to the controller or not; positions and velocities are continuous
+            there. By default what the plan was made for happens: the parameters have the values of its model's first interval, and
+            change at its switch times. With a schedule they have the plant's own values until its first change; () lets nothing
+            change. A LinearPlant has its own switch times in place of all this.
+        timestep: no step is longer [s]; each interval between breakpoints (of schedule, controller, its updates and reference) is
+            divided evenly.
+        start, end: times [s]; by default from the plan's preactuation until it has come to rest, and at least 5 vibration
+            periods after the manoeuvre.
+        evaluate: "held" holds the feedforward's mean over each update's hold (error of order hold^2), "stages" evaluates the law
+            at every stage of RK4 (order timestep^4).
+        vibration_period: of the slowest flexible mode [s], in which residual vibration is counted; by default that of the last
+            interval of the plan's model, which may not be quite that of the plant.
+        initial_state: deviation from the operating point (n,) in which the plant starts; at rest at its operating point unless
+            given.
+        sensors: noise, quantization and delay of named measurements, for controllers that use them.
+        seed: of the noise.
+        name: of the case.
+        progress: called now and then with the share of the run that is done.
 
     A run that diverges (a state that is not finite, or MuJoCo's warnings about one) stops there; the result holds what was
     recorded, status "diverged" and the cause. A RuntimeWarning says beforehand where the plan needs more input than the actuators

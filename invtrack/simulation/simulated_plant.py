@@ -73,11 +73,18 @@ class StageInput(Protocol):
 class SimulatedPlant:
     """Channels, limits and steppers of a plant.
 
-    parameters: names and units of the physical parameters that may change during a run; parameter_values: what they are as the
-    plant is; parameter_bodies: for those that belong to one body, its name. input_limits (p, 2): lowest and highest value of each
-    input that the actuator passes on. breakpoints: times [s] at which the plant changes by itself. stepper: makes a stepper that
-    starts at the state x (n,) with parameter values. binary: the compiled MuJoCo model with parameter values, for the 3-D scene;
-    empty where there is none.
+    Args:
+        name: of the plant.
+        integrator: what its steps are computed with.
+        states, inputs, outputs, measurements: their `Channels`.
+        operating_point: what states are deviations from.
+        input_limits: lowest and highest value of each input that the actuator passes on (p, 2).
+        stepper: makes a stepper that starts at a state x (n,) with given parameter values.
+        binary: makes the compiled MuJoCo model with given parameter values, for the 3-D scene; empty where there is none.
+        parameters: names and units of the physical parameters that may change during a run.
+        parameter_values: the plant's own values of these.
+        parameter_bodies: for those that belong to one body, its name.
+        breakpoints: times at which the plant changes by itself [s].
     """
 
     name: str

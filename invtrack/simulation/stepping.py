@@ -27,9 +27,14 @@ LARGEST = 1e10
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What a run wrote down over M <= N steps: x (M + 1, n), qpos (M + 1, nq), y (M + 1, p), commanded input u (M, p), what the
-    sensors showed at the last update (M, m) and the state estimated from it (M, n), both without columns where the controller knows
-    the state; and why the run ended early.
+    """What a run wrote down over M <= N steps.
+
+    Args:
+        x, qpos, y: states (M + 1, n), positions (M + 1, nq) and outputs (M + 1, p).
+        u: commanded input (M, p).
+        measured, estimate: what the sensors showed at the latest update (M, m), and the state estimated from it (M, n); both
+            without columns where the controller knows the state.
+        cause: why the run ended early; empty where it did not.
     """
 
     x: Array
@@ -49,7 +54,15 @@ class Recorded:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One run: stepper, law and grid; update (N,) numbers the update in force in each step; changes: parameters by edge number."""
+    """One run of a plant under a law, ready to go.
+
+    Args:
+        stepper, law, grid: the plant, the control law and the N steps.
+        update: number of the update in force in each step (N,).
+        changes: new values of parameters, by the number of the grid's edge at which they change.
+        measures: what the law's updates are given, the state or what the sensors show.
+        sensors: what lies between the plant's measurements and the law.
+    """
 
     stepper: Stepper
     law: Law

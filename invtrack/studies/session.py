@@ -33,7 +33,7 @@ class DivergedError(InvtrackError):
 
 
 class Session:
-    """What a running study has so far: it is handed to everything that is made of the cases.
+    """What a running study has so far: it is handed to every function that makes something of the cases.
 
     runs: the completed runs by case. numbers: of each case that was tried, what the summary says of it: its metrics and
     its "status", "completed", "diverged" or "refused". sections: values of the sweeps and sections that are done.

@@ -1,6 +1,6 @@
 """A study: named cases run one after the other, each kept as soon as it is done; then tables, figures and one summary.
 
-A module that holds a study says what is its own and leaves the rest to this room:
+A module that holds a study says what is its own and leaves the rest to this package:
 
     def build(options: StudyOptions) -> Setup:
         plant, controller = ...
@@ -47,7 +47,7 @@ RESERVED = {"study", "status", "model", "timestep", "seed", "cases", "warnings",
 """What the summary says of every study."""
 
 Figure = Any
-"""A matplotlib Figure, which only the room figures knows."""
+"""A matplotlib Figure, which only `invtrack.figures` knows."""
 
 Options = TypeVar("Options", bound=StudyOptions)
 
@@ -56,12 +56,16 @@ Options = TypeVar("Options", bound=StudyOptions)
 class Case:
     """One simulation under a name of its own.
 
-    name: what its files, row and numbers are called. plant: a MuJoCo plant, or a LinearPlant for the prediction.
-    controller: the controller, or a function that plans it when the case's turn has come. settings: arguments of
-    `invtrack.simulate` other than name and progress; timestep and seed are the study's unless given here. numbers: what the
-    summary says of the run, beside its status. figures: pictures of the run, saved as <key>_<name>.png. recorded: whether
-    its recording <name>.rrd is kept. refused_by: the error by which the controller's planning must be refused, where this is what
-    the case shows.
+    Args:
+        name: what its files, row and numbers are called.
+        plant: a MuJoCo plant, or a LinearPlant for the prediction.
+        controller: the controller, or a function that plans it when the case's turn has come.
+        settings: arguments of `invtrack.simulate` other than name and progress; timestep and seed are the study's unless given
+            here.
+        numbers: function that makes what the summary says of the run, beside its status.
+        figures: functions that draw the run, by key; saved as <key>_<name>.png.
+        recorded: whether its recording <name>.rrd is kept.
+        refused_by: the error by which the controller's planning must be refused, where this is what the case shows.
     """
 
     name: str = field(kw_only=False)
@@ -76,7 +80,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Table:
-    """A table of the report. rows: makes its rows of the session; one row per case unless given."""
+    """A table of the report. rows: makes its rows from the session; one row per case unless given."""
 
     title: str
     columns: Sequence[Column]
@@ -88,10 +92,13 @@ class Table:
 class Setup:
     """What a study consists of; everything but the cases may be left out.
 
-    cases: in the order in which they run. sweeps: by the key of their list in the summary, named points that run after the
-    cases; the value of a point joins the list as soon as it is there. sections: by their key, values for the summary or functions
-    that make them once cases and sweeps are done. figures: by the name of their file. report: tables, texts and functions that
-    make texts, in the order in which they are printed.
+    Args:
+        cases: in the order in which they run.
+        sweeps: by the key of their list in the summary, named points that run after the cases; the value of a point joins the list
+            as soon as it is there.
+        sections: by their key, values for the summary or functions that make them once cases and sweeps are done.
+        figures: functions that draw them, by the name of the file.
+        report: tables, texts and functions that make texts, in the order in which they are printed.
     """
 
     cases: Sequence[Case]

@@ -39,9 +39,15 @@ def print_table(
 ) -> None:
     """Print one row per case and one column per quantity, units in the header, numbers to three significant digits.
 
-    A value that is None, not defined, prints as a dash, and so does all of a row that is None. Where the output is too narrow, the
-    columns that do not fit follow below with the cases repeated: no number is ever cut off. No control codes are written unless the
-    output is a terminal.
+    Where the output is too narrow, the columns that do not fit follow below with the cases repeated: no number is ever cut off. No
+    control codes are written unless the output is a terminal.
+
+    Args:
+        title: above the table; none where it is empty.
+        columns: the quantities.
+        rows: cells by case; a value that is None, not defined, prints as a dash, and so does all of a row that is None.
+        row_header: what the cases' own column is called.
+        console: where it is printed; standard output unless given.
 
     Raises InvtrackError where a row has no value for a column.
     """

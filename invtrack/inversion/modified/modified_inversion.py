@@ -160,9 +160,9 @@ def modified_inversion(
         output_scale: sizes at which errors of the outputs count alike (p,), or one for all; by default the peak of each output's
             motion, and the largest of these for outputs that hold still.
 
-    Raises InversionError (options, zeros that cannot be moved, no equilibrium for the held output), NonHyperbolicError (zeros on
-    the axis not moved), TrajectoryError, RelativeDegreeError, BoundednessError. Source: Devasia 1996 (non-hyperbolic internal
-    dynamics), eqs. 12-18.
+    Raises PlanError (tolerance, max_preactuation; too ill-conditioned), InversionError (other options, zeros that cannot be moved,
+    no equilibrium for the held output), NonHyperbolicError (zeros on the axis not moved), TrajectoryError, RelativeDegreeError,
+    BoundednessError. Source: Devasia 1996 (non-hyperbolic internal dynamics), eqs. 12-18.
     """
     planning = PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation)
     if design not in get_args(Design):

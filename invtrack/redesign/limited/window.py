@@ -41,16 +41,16 @@ OVERSHOOT = 1e-6
 """The same for states and outputs, between the instants at which they are held to their limits."""
 
 SNAP = 1e-7
-"""Within this share of its size of a limit counts as on it: inputs and rates are put there."""
+"""A value within this share of a limit's size of the limit counts as on it: inputs and rates are put there."""
 
 EDGE_SHARES = np.array([0.0, 0.5, 1.0])
 """Shares of the window's first and last step at which no limit may act."""
 
 MOST_DOUBLINGS = 6
-"""Of the time before and after the manoeuvre, until limits that cannot be kept are given up."""
+"""How often the time before and after the manoeuvre is doubled in search of a window in which the limits can be kept."""
 
 MOST_COARSENINGS = 4
-"""Of the step, each to twice its length."""
+"""How often the step is doubled where the solver gives up."""
 
 MOST_ROUNDS = 40
 """Windows and sets of instants that are tried."""

@@ -246,7 +246,7 @@ def prefilter(
 def held_values(reference: PiecewiseSignal) -> tuple[Array, Array]:
     """(y_0, y_f): the values (p,) that the reference holds before and after its manoeuvre.
 
-    Raises TrajectoryError where it does not hold still there, so that it has no Fourier transform of its rate.
+    Raises TrajectoryError where it does not hold still there, so that its rate has no Fourier transform.
     """
     start, end = reference.manoeuvre
     distance = np.array([1e-3, 1.0, np.pi, 10.0]) * max(end - start, 1.0)
