@@ -12,6 +12,7 @@ import numpy as np
 
 from invtrack.arrays import Array, Indices
 from invtrack.linear.propagation import Propagator, forced_states
+from invtrack.linear.scaling import comparable_size, unit_ratios
 from invtrack.plans.boundary_value import BoundaryValueSolution, Conditions, solve
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.trajectory import Trajectory, TwoSidedSegments, grouped
@@ -135,12 +136,14 @@ class TwoSidedProblem(Pieces):
         systems: of each interval (N + 1,).
         switch_times: breakpoints at which the systems change (N,) [s].
         peaks: per switch the largest size anywhere of what the new system prescribes (rho,), since it may pass through zero there.
+        ratios: size (m, m) that entry i of what is continuous has where entry j is 1 (`unit_ratios`); None: nothing is prescribed.
     """
 
     owner: Indices
     systems: Sequence[TwoSidedSystem]
     switch_times: Array
     peaks: Sequence[Array]
+    ratios: Array | None = None
 
     def solve(self) -> TwoSidedSolution:
         """Every stretch's v from z_f steady before the manoeuvre, continuity at the switches, and z_b steady after it."""
@@ -151,7 +154,7 @@ class TwoSidedProblem(Pieces):
         none = np.zeros((0, 0))
         conditions, checks, rows, sizes = [], [], [], [stretch.peak for stretch in stretches]
         for k, (left, right) in enumerate(itertools.pairwise(stretches)):
-            condition, check, size = _conditions(left, right, *self._joined(k), self.peaks[k])
+            condition, check, size = _conditions(left, right, *self._joined(k), self.peaks[k], self.ratios)
             conditions.append(condition)
             checks.append(check)
             rows.append(len(condition.rhs) - right.system.size)
@@ -230,6 +233,7 @@ def two_sided_problem(
         w_start=reference.anchors,
         w_end=problem.end_anchors,
         peaks=peaks or [np.zeros(0)] * len(problem.plant.switch_times),
+        ratios=None if peaks is None else unit_ratios(problem.plant),
     )
 
 
@@ -304,7 +308,7 @@ def two_sided_trajectory(pieces: Pieces, z_f: Array, z_b: Array, first_b: Array,
 
 
 def _conditions(
-    left: Stretch, right: Stretch, w_left: Array, w_right: Array, peak: Array
+    left: Stretch, right: Stretch, w_left: Array, w_right: Array, peak: Array, ratios: Array | None
 ) -> tuple[Conditions, tuple[int, float], float]:
     """Continuity at a switch in the coordinates of the stretch after it, rows scaled to unit size; w_left, w_right: J_w w."""
     before, after = left.system, right.system
@@ -318,8 +322,10 @@ def _conditions(
     rows_right = np.zeros((len(T), n_f + after.backward.size))
     rows_right[rho : rho + n_f, :n_f] = -np.eye(n_f)
     rows_right[rho + n_f :, n_f:] = -E_b
-    row_size = np.max(np.abs(T) @ np.abs(np.hstack([before.forward.J, before.backward.J])), axis=1, initial=0.0)
-    row_size = np.maximum(row_size, np.finfo(float).tiny)
+    joined = np.abs(np.hstack([before.forward.J, before.backward.J])).T  # the sizes of what is continuous, one row for each unknown
+    if ratios is not None:  # an entry that no unknown moves holds rounding: measured against those comparable to it
+        joined = comparable_size(joined, ratios)
+    row_size = np.maximum(np.max(joined @ np.abs(T).T, axis=0, initial=0.0), np.finfo(float).tiny)
     wanted = np.maximum(np.abs(T[:rho] @ w_right), peak)
     rhs_size = np.abs(T) @ np.abs(known) + np.concatenate([wanted, np.zeros(len(T) - rho)])
     # Rows of what is prescribed that are the same on both sides hold no unknown: they are checked, not solved for.

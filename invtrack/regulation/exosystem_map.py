@@ -10,6 +10,7 @@ import numpy as np
 from invtrack.arrays import Array, Indices
 from invtrack.errors import PlanError, TrajectoryError
 from invtrack.inversion.exact import split_each
+from invtrack.linear.scaling import unit_ratios
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.problem import actuation_times
 from invtrack.plans.trajectory import Trajectory
@@ -67,7 +68,7 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
     weights = visibility(exosystem, plant)
     pieces, kind = map_pieces(plant, splits, exosystem, breakpoints, weights)
     unit = max(1.0, *drive_units([piece.driven for piece in pieces]))
-    solution = _map_problem(pieces, kind, breakpoints, unit).solve()
+    solution = _map_problem(pieces, kind, breakpoints, unit, unit_ratios(plant)).solve()
     trajectory = solution.trajectory()
     jumps = map_jumps(trajectory, exosystem, plant, weights)
     admissible = admissible_states(jumps)
@@ -120,7 +121,7 @@ def _finite(edge: float, away: float) -> float:
     return float(edge + away) if np.isfinite(away) else float(edge)
 
 
-def _map_problem(pieces: Sequence[MapPiece], kind: Indices, breakpoints: Array, unit: float) -> TwoSidedProblem:
+def _map_problem(pieces: Sequence[MapPiece], kind: Indices, breakpoints: Array, unit: float, ratios: Array) -> TwoSidedProblem:
     """The equations of vec(Z_s), vec(Z_u), with N G continuous at every breakpoint and every piece an interval of its own.
 
     Rows of C* that hold unknowns (outputs that change with the plant) are conditions, the others are what decides which exosystem
@@ -138,6 +139,7 @@ def _map_problem(pieces: Sequence[MapPiece], kind: Indices, breakpoints: Array, 
         systems=[driven[k].system for k in kind],
         switch_times=breakpoints,
         peaks=[np.zeros(driven[k].system.prescribed) for k in kind[1:]],
+        ratios=np.asarray(np.kron(ratios, np.eye(len(pieces[0].A_e))), dtype=float),
     )
 
 

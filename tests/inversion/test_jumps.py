@@ -12,6 +12,7 @@ from numpy.polynomial import Polynomial
 
 from invtrack.errors import BoundednessError, CompatibilityError, NonHyperbolicError
 from invtrack.inversion.exact import invert
+from invtrack.inversion.feasibility import feasibility
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
@@ -157,4 +158,39 @@ def test_many_jumps() -> None:
     light, heavy = (plant_with(np.random.default_rng(s), (2,), block(0.8, -0.5), mixed=False) for s in (1, 2))
     times = np.linspace(0.03, 6.0, 100)
     plan = invert(SwitchedSystem([light, heavy] * 50 + [light], times), raised_cosine(2.0))
+    assert_certified(plan)
+
+
+def turned_pair(seed: int) -> SwitchedSystem:
+    """Two plants y'' = row x + u with two hyperbolic zeros each and the same C* = [C; C A], whose second row is one state alone."""
+    rng = np.random.default_rng(seed)
+    T = np.eye(4)  # [y; y'; eta] = T x: y' = x_3
+    T[0], T[1] = rng.normal(size=4), np.eye(4)[2]
+    T[2:] = rng.normal(size=(2, 4))
+    B = np.linalg.solve(T, np.array([0.0, 1.0, 0.0, 0.0]))[:, None]
+    systems = []
+    for _ in range(2):
+        V = rng.normal(size=(2, 2))
+        zeros = V @ np.diag([-rng.uniform(0.5, 2.0), rng.uniform(0.5, 2.0)]) @ np.linalg.inv(V)
+        normal = np.block([[np.array([[0.0, 1.0, 0.0, 0.0]])], [rng.normal(size=(1, 4))], [rng.normal(size=(2, 2)), zeros]])
+        systems.append(StateSpace(np.linalg.solve(T, normal @ T), B, T[:1]))
+    return SwitchedSystem(systems, [1.0])
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_derivative_that_is_one_state_on_both_sides_is_no_condition(seed: int) -> None:
+    plant = turned_pair(seed)
+    reference = rest_to_rest(0.0, 1.0, 3.0, smoothness=4)
+    report = feasibility(plant, reference)
+    assert report.solvable, report.message
+    assert report.jumps[0].compatibility_rows == 0
+    assert_certified(invert(plant, reference), 1e-9)
+
+
+def test_a_plant_whose_jump_was_once_taken_for_a_condition() -> None:
+    """C* = [C; C A] is the same on both sides, its second row one state alone; a bounded inverse exists (shooting in 90 digits)."""
+    first = [[1.5, -3, -2.625, 1.25], [-0.75, -1.125, -0.5, 0.125], [0.625, -2.25, -0.75, 0.875], [-3.25, -0.75, 1.75, -0.5]]
+    second = [[-1.875, 2.625, 0.375, -1.375], [4, -6.625, -4, 3.125], [-0.5, 1.125, 0, -0.625], [10.75, -16.25, -9.75, 7.75]]
+    B, C = [[-1.0], [1.0], [-1.0], [2.0]], [[2.0, -2, -2, 1]]
+    plan = invert(SwitchedSystem([StateSpace(A, B, C) for A in (first, second)], [3.0]), rest_to_rest(0.0, 1.0, 6.0, smoothness=4))
     assert_certified(plan)
