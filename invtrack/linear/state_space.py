@@ -193,6 +193,12 @@ def as_state_space(system: Any) -> StateSpace:
             f"expected a StateSpace or an object with attributes A, B, C, D; {type(system).__name__} has no {', '.join(missing)}"
             " (convert a transfer function to state space first)"
         )
+    E = getattr(system, "E", None)
+    if E is not None and not np.array_equal(E, np.eye(len(np.atleast_2d(system.A)))):
+        raise ModelError(
+            "expected x' = A x + B u, got a descriptor system E x' = A x + B u; solve for x' first (E^-1 A, E^-1 B), or "
+            "eliminate the states without a derivative where E is singular"
+        )
     if getattr(system, "dt", None) not in (None, 0, 0.0):
         raise ModelError(
             f"expected a continuous-time system, got one with sampling time {system.dt}; convert it to continuous time"

@@ -14,7 +14,7 @@ from invtrack.arrays import Array, Indices
 from invtrack.linear.scaling import pace_of
 from invtrack.plans.tail import Tail
 from invtrack.plans.two_sided import DrivenSystem
-from invtrack.references.signal import selection
+from invtrack.references.signal import finite_times, selection
 
 
 class Segments(Protocol):
@@ -197,8 +197,7 @@ class Trajectory:
 
     def at(self, t: ArrayLike, inside: ArrayLike | None, rows: slice = slice(None)) -> Array:
         """Values at times t (k,) in the pieces that hold the times `inside` (by default t itself)."""
-        times = np.atleast_1d(np.asarray(t, dtype=float))
-        within = times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape)
+        times, within = finite_times(t, inside)
         return self(times, self.locate(within), rows)
 
     def paces(self) -> Array:

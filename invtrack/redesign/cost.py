@@ -61,6 +61,12 @@ class Weights:
         pairs = ((u, self.R), (x, self.Q_x), (error, self.Q_y))
         return np.asarray(sum(np.einsum("mi,ij,mj->m", *map(np.abs, (value, weight, value))) for value, weight in pairs))
 
+    def in_unit(self) -> Weights:
+        """The same weights in a power of two of the cost's unit, in which the largest of their entries is about one."""
+        largest = max(float(np.max(np.abs(weight))) for weight in (self.R, self.Q_x, self.Q_y))
+        unit = float(2.0 ** np.floor(np.log2(largest)))
+        return Weights(self.R / unit, self.Q_x / unit, self.Q_y / unit)
+
     def input_weight(self, D: Array) -> Array:
         """R + D'Q_y D (p, p): everything in the cost that is quadratic in the input itself."""
         return np.asarray(self.R + D.T @ self.Q_y @ D)

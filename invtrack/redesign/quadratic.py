@@ -81,7 +81,7 @@ def free_optimum(
         model, reference, R, Q_x, Q_y, tolerance, max_preactuation: see `quadratic_redesign`.
     """
     problem = _held_still(PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation))
-    weights = as_weights(problem.plant, R=R, Q_x=Q_x, Q_y=Q_y)
+    weights = as_weights(problem.plant, R=R, Q_x=Q_x, Q_y=Q_y).in_unit()  # the optimum does not depend on what cost is counted in
     if np.any(weights.Q_y):
         models: Sequence[Driveable] = problem.plant.map(lambda system: optimum(system, weights))
     else:  # where nothing is asked of the output, not to move (the Riccati equation may have no stabilizing solution)

@@ -9,7 +9,7 @@ import scipy.linalg
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, require_duration
+from invtrack.arrays import Array, real_numbers, require_duration
 from invtrack.errors import TrajectoryError
 from invtrack.references.signal import Generator, PiecewiseSignal, constant_generator
 
@@ -129,8 +129,13 @@ def raised_cosine(peak: float, *, period: float = 2 * np.pi, cycles: int = 1, st
 
 
 def constant(value: ArrayLike, *, at: float = 0.0) -> PiecewiseSignal:
-    """A signal that always has the same value (p,) or scalar; `at` [s] is where its (idle) breakpoint lies."""
-    values = np.atleast_1d(np.asarray(value, dtype=float))
+    """A signal that always has the same value (p,) or scalar; `at` [s] is where its (idle) breakpoint lies.
+
+    Raises TrajectoryError for values of another shape.
+    """
+    values = np.atleast_1d(real_numbers("the value of a constant signal", value))
+    if values.ndim != 1 or not len(values):
+        raise TrajectoryError(f"expected one value, or one for each channel (p,), got {values.tolist()}")
     return PiecewiseSignal(
         np.array([at]), (constant_generator(len(values)),), np.zeros(2, dtype=np.intp), np.array([values, values])
     )

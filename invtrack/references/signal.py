@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.arrays import Array, Indices, increasing_times
+from invtrack.arrays import Array, Indices, increasing_times, real_numbers
 from invtrack.errors import TrajectoryError
 from invtrack.linear.propagation import Propagator
 
@@ -87,10 +87,12 @@ class PiecewiseSignal:
         """Values, or derivatives of the stated order, at times t (m,) or scalar: (m, p) or (p,).
 
         inside: times within the pieces meant, where t lies on a breakpoint and the side matters (for instance the middle of the
-        interval to its left).
+        interval to its left). Raises TrajectoryError for times that are not finite, or a derivative that is no whole number.
         """
-        times = np.atleast_1d(np.asarray(t, dtype=float))
-        piece = self.locate(times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape))
+        times, within = finite_times(t, inside)
+        if not isinstance(derivative, (int, np.integer)) or derivative < 0:
+            raise TrajectoryError(f"derivative must be a whole number from 0 on, got {derivative!r}")
+        piece = self.locate(within)
         rows = [generator.derivative(derivative) for generator in self.generators]
         result = self._values(rows, piece, times)
         return result[0] if np.ndim(t) == 0 else result
@@ -163,7 +165,16 @@ class PiecewiseSignal:
         return PiecewiseSignal(self.breakpoints + delay, self.generators, self.kind, self.anchors)
 
     def scaled(self, gain: ArrayLike) -> PiecewiseSignal:
-        """The signal multiplied from the left by a number or a matrix (k, p)."""
+        """The signal times a number, each channel times its own (p,), or a matrix (k, p) times the signal.
+
+        Raises TrajectoryError for anything else.
+        """
+        gain = real_numbers("the gain of a signal", gain)
+        if not np.all(np.isfinite(gain)) or gain.ndim > 2 or gain.shape[-1:] not in ((), (self.n_channels,)):
+            raise TrajectoryError(
+                f"expected finite numbers to multiply the signal with: one, one for each of its {self.n_channels} channels, or a "
+                f"matrix (k, {self.n_channels}); got {gain.tolist()}"
+            )
         matrix = np.asarray(gain, dtype=float) * np.eye(self.n_channels) if np.ndim(gain) < 2 else np.asarray(gain, dtype=float)
         generators = tuple(Generator(g.S, matrix @ g.R) for g in self.generators)
         return PiecewiseSignal(self.breakpoints, generators, self.kind, self.anchors)
@@ -188,11 +199,42 @@ class PiecewiseSignal:
         anchors[unmoved] = self.anchors[owner[unmoved]]
         return PiecewiseSignal(breakpoints, self.generators, self.kind[owner], anchors)
 
+    __array_ufunc__ = None  # so that numpy leaves `np.float64(2.0) * signal` to the signal
+
+    def __mul__(self, gain: ArrayLike) -> PiecewiseSignal:
+        """The signal `scaled`."""
+        return self.scaled(gain)
+
+    __rmul__ = __mul__
+
+    def __neg__(self) -> PiecewiseSignal:
+        """The signal with the other sign."""
+        return self.scaled(-1.0)
+
+    def __sub__(self, other: PiecewiseSignal) -> PiecewiseSignal:
+        """Difference of two signals with the same number of channels."""
+        return self + -_signal(other)
+
     def __add__(self, other: PiecewiseSignal) -> PiecewiseSignal:
-        """Sum of two signals with the same number of channels."""
-        if self.n_channels != other.n_channels:
+        """Sum of two signals with the same number of channels. Raises TrajectoryError for anything else."""
+        if self.n_channels != _signal(other).n_channels:
             raise TrajectoryError(f"cannot add signals of {self.n_channels} and {other.n_channels} channels")
         return _side_by_side(self, other, lambda *rows: np.hstack(rows))
+
+
+def finite_times(t: ArrayLike, inside: ArrayLike | None) -> tuple[Array, Array]:
+    """Times (m,) [s], and as many within the pieces meant, by default the same. Raises TrajectoryError unless all are finite."""
+    times = np.atleast_1d(real_numbers("times [s]", t))
+    within = times if inside is None else np.broadcast_to(real_numbers("times inside pieces [s]", inside), times.shape)
+    if times.ndim != 1 or not (np.all(np.isfinite(times)) and np.all(np.isfinite(within))):
+        raise TrajectoryError(f"expected finite times (m,) [s], got {np.asarray(t).tolist()!r}")
+    return times, within
+
+
+def _signal(other: object) -> PiecewiseSignal:
+    if not isinstance(other, PiecewiseSignal):
+        raise TrajectoryError(f"expected a signal, such as rest_to_rest(...) or constant(...), got {type(other).__name__}")
+    return other
 
 
 def selection(mask: NDArray[np.bool_]) -> slice | Indices | None:
@@ -205,7 +247,16 @@ def selection(mask: NDArray[np.bool_]) -> slice | Indices | None:
 
 
 def stack(signals: Sequence[PiecewiseSignal]) -> PiecewiseSignal:
-    """One signal whose channels are those of all `signals`, in their order: a reference for a plant with several outputs."""
+    """One signal whose channels are those of all `signals`, in their order: a reference for a plant with several outputs.
+
+    Raises TrajectoryError for none, and for what is no signal.
+    """
+    if isinstance(signals, PiecewiseSignal) or not len(signals):
+        raise TrajectoryError(
+            "expected a list of signals to stack, such as [rest_to_rest(...), constant(0.0)], with at least one of them"
+        )
+    for signal in signals:
+        _signal(signal)
     result = signals[0]
     for signal in signals[1:]:
         result = _side_by_side(result, signal, scipy.linalg.block_diag)

@@ -135,3 +135,21 @@ def test_law_is_the_one_documented() -> None:
 def test_modification_prints_what_was_moved() -> None:
     plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=1.0, error_poles=[-1.0, -2.0])
     assert str(plan.modification[0]) == "interval 0: zeros moved: 0.22+-4.75j to 1+-4.75j; alpha = 1 rad/s"
+
+
+def test_zeros_that_only_lower_derivatives_drive() -> None:
+    """The textbook normal form eta' = 0.1 eta + y_1 + 2 y_2: no y^(r) in it, so v reaches eta through the outputs' errors alone."""
+    plant = StateSpace([[0, 0, 0], [0, 0, 0], [1, 2, 0.1]], [[1.0, 0], [0, 1], [0, 0]], [[1.0, 0, 0], [0, 1, 0]])
+    motion = rest_to_rest(0.0, 1.0, duration=6.0, smoothness=4)
+    options = {"error_poles": [-3.0, -4.0], "axis_distance": 0.5, "real_part": 2.0}
+    best = modified_inversion(plant, stack([motion, motion]), **options)
+    robust = modified_inversion(plant, stack([motion, motion]), design="robust", **options)
+    assert [c.name for c in best.candidates] == [
+        "robust placement",
+        "robust placement with L",
+        "optimized directions",
+        "optimized directions with L",
+    ]
+    assert min(c.integral_square_error for c in best.candidates) <= best.candidates[0].integral_square_error
+    assert best.modification[0].zeros_after == pytest.approx([2.0])
+    assert max(best.certificate.dynamics_residual, robust.certificate.dynamics_residual) < 1e-10

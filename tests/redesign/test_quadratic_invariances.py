@@ -203,3 +203,13 @@ def test_limited_preactuation_is_remarked() -> None:
     whole = quadratic_redesign(NONMINIMUM, there_and_back(), **WEIGHTS)
     assert whole.remarks == ()
     assert np.max(np.abs(whole.states(whole.start))) < 1e-9 < np.max(np.abs(whole.states(-2.0)))
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("money", [1e-18, 1e18])
+def test_what_cost_is_counted_in_changes_nothing(case: str, money: float) -> None:
+    model, weights, reference = CASES[case]
+    plain = quadratic_redesign(model, reference, **weights)
+    other = quadratic_redesign(model, reference, **{name: money * np.asarray(weight) for name, weight in weights.items()})
+    assert_close(other(TIMES).u, plain(TIMES).u)
+    assert_close(other(TIMES).x, plain(TIMES).x)

@@ -137,7 +137,9 @@ def _starts(part: MovablePart, sizes: list[int], output_scale: Array) -> list[Ar
     rho = sum(part.degrees)
     effect = part.B[rho:] * output_scale
     reach = np.linalg.norm(effect, axis=0)
-    weights = [np.eye(p)[i] + 1e-3 for i in np.flatnonzero(reach > 1e-9 * reach.max())]
+    # Where no output's highest derivative drives the zeros at once, each may do so through its lower ones.
+    moving = reach > 1e-9 * reach.max() if np.any(reach) else np.ones(p, dtype=bool)
+    weights = [np.eye(p)[i] + 1e-3 for i in np.flatnonzero(moving)]
     if len(effect):
         weights += [row / np.max(np.abs(row)) for row in effect[:1] if np.any(row)]
     # The second row of a pair, its imaginary part, starts small but not at zero, where the error is even in it.
