@@ -62,17 +62,30 @@ def _plant_scale(system: StateSpace) -> Array:
     """Scales d (n,) that balance A together with B and C, whatever the units of states, inputs, outputs and time.
 
     A alone may fall apart into parts without a common scale: each output is fed back to each input with the gain with which the
-    strongest loop through both is as fast as A (Perron root of |A|).
+    strongest loop through both is as fast as a pace. Which one is no property of the plant: a hovering vehicle's drag is far slower
+    than what its outputs ask of it. Taken is the one in whose units errors of all entries matter least, as a share of A.
     """
-    A, way, C = np.abs(system.A), np.abs(system.B), np.abs(system.C)
+    A = np.abs(system.A)
     root = float(np.max(np.abs(np.linalg.eigvals(A))))
-    pace = root if root > 0 else 1.0  # integrators alone have no pace of their own: any will do
+    paces = (root if root > 0 else 1.0) * np.exp2(np.arange(-20.0, 41.0, 2.0))
+    return min((_scale_at(system, float(pace)) for pace in paces), key=lambda scale: _error_share(A, scale))
+
+
+def _scale_at(system: StateSpace, pace: float) -> Array:
+    A, way, C = np.abs(system.A), np.abs(system.B), np.abs(system.C)
     strongest = C @ way  # |C| (|A| / pace)^k |B|, the largest over k
     for _ in range(system.n_states - 1):
         way = A @ way / pace
         strongest = np.maximum(strongest, C @ way)
     gains = np.where(strongest > 0, pace / np.where(strongest > 0, strongest, 1.0), 0.0)
     return balancing_scale(A + np.abs(system.B) @ gains.T @ C)
+
+
+def _error_share(A: Array, scale: Array) -> float:
+    """What errors of one in all entries can grow to in these units, as a share of A."""
+    size = float(np.linalg.norm(A * scale / scale[:, None]))
+    grown = float(np.linalg.norm(scale) * np.linalg.norm(1 / scale))
+    return grown / size if size > 0 else grown
 
 
 def _hidden_subspaces(system: StateSpace, scale: Array) -> tuple[Array, Array]:

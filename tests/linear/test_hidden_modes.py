@@ -144,6 +144,19 @@ def test_hidden_modes_are_seen_through_the_noise_of_a_numerical_linearization() 
     assert zero_report(StateSpace(noisy, exact.B, exact.C)).hidden == ()
 
 
+@pytest.mark.parametrize("error", [0.0, 1e-14, 1e-12])
+def test_zeros_of_a_hovering_vehicle_are_transmission_zeros_whatever_the_error_estimate(error: float) -> None:
+    """A sensor below the centre of mass; its drag, the only pace of A, is 17 000 times slower than the zeros."""
+    gravity, lever, inertia, drag = 9.81, 0.034, 0.02, 1e-3
+    A = np.array([[0, 0, 1, 0], [0, 0, 0, 1], [0, gravity, -drag, 0], [0, 0, 0, -drag]])
+    B, C = np.array([[0.0], [0.0], [0.0], [1 / inertia]]), np.array([[1.0, -lever, 0.0, 0.0]])
+    report = zero_report(StateSpace(A, B, C, error_estimates=dict.fromkeys("ABCD", error)))
+    assert [zero.kind for zero in report.zeros] == ["transmission zero"] * 2
+    rate = np.sqrt(gravity / lever)
+    np.testing.assert_allclose(sorted(zero.value.real for zero in report.zeros), [-rate, rate], rtol=1e-3)
+    np.testing.assert_allclose(report.preactuation_time, np.log(100.0) / rate, rtol=1e-3)
+
+
 def test_a_zero_at_the_origin_does_not_take_the_other_real_zeros_with_it() -> None:
     report = zero_report(plant_with(np.random.default_rng(0), (2,), block(0.0, -4.0, 1.0)))
     assert_same_set([zero.value for zero in report.on_axis], [0.0], 1e-12)
