@@ -150,8 +150,9 @@ def _strips(data: mujoco.MjData, tendon: int) -> list[Array]:
     """The path of a spatial tendon, cut at its pulleys."""
     path = slice(data.ten_wrapadr[tendon], data.ten_wrapadr[tendon] + data.ten_wrapnum[tendon])
     points, objects = data.wrap_xpos.reshape(-1, 3)[path].copy(), data.wrap_obj.reshape(-1)[path]
-    pieces = np.split(points, np.flatnonzero(objects == PULLEY))
-    pieces = [piece[1:] if number else piece for number, piece in enumerate(pieces)]  # the pulley's own row is no point
+    pulleys = np.flatnonzero(objects == PULLEY)
+    starts, ends = [0, *(pulleys + 1)], [*pulleys, len(points)]  # a pulley's own row is no point
+    pieces = [points[start:end] for start, end in zip(starts, ends, strict=True)]
     return [piece for piece in pieces if len(piece) > 1]
 
 
