@@ -39,6 +39,9 @@ MJCF = """
   </worldbody>
   <tendon>
     <spatial name="rope" width="0.01"><site site="wall"/><site site="hook"/></spatial>
+    <spatial name="hoist">
+      <site site="wall"/><site site="hook"/><pulley divisor="2"/><site site="hook"/><site site="wall"/>
+    </spatial>
     <spatial name="unseen" rgba="0 0 0 0"><site site="wall"/><site site="hook"/></spatial>
   </tendon>
 </mujoco>

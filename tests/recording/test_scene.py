@@ -56,6 +56,14 @@ def test_the_rope_joins_the_wall_and_the_cart(run: RunResult, recorded: Recorded
         assert np.allclose(strip, [[-1, 0, 0], [x, 0, 0.5]], atol=1e-6)
 
 
+def test_a_rope_over_a_pulley_is_drawn_as_two(run: RunResult, recorded: Recorded) -> None:
+    path = "/inversion/scene/tendons/hoist"
+    strips, slide = recorded.column(path, "LineStrips3D:strips"), run.qpos[recorded.column(path, "step"), 0]
+    for (there, back), x in zip(strips, slide, strict=True):
+        assert np.allclose(there, [[-1, 0, 0], [x, 0, 0.5]], atol=1e-6)
+        assert np.allclose(back, there[::-1])
+
+
 def test_the_tip_grows_with_the_cube_root_of_its_mass(recorded: Recorded) -> None:
     path = f"{BODIES}/tip/payload"
     scales = np.array(recorded.column(path, "Transform3D:scale"))[:, 0]
