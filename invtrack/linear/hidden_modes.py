@@ -58,6 +58,9 @@ def hidden_modes(system: StateSpace) -> list[tuple[complex, ZeroKind]]:
     return [(complex(value), kind) for basis, kind in blocks for value in np.linalg.eigvals(basis.T @ A @ basis)]
 
 
+OUTGROWN = 1e100
+
+
 def _plant_scale(system: StateSpace) -> Array:
     """Scales d (n,) that balance A together with B and C, whatever the units of states, inputs, outputs and time.
 
@@ -76,6 +79,8 @@ def _scale_at(system: StateSpace, pace: float) -> Array:
     strongest = C @ way  # |C| (|A| / pace)^k |B|, the largest over k
     for _ in range(system.n_states - 1):
         way = A @ way / pace
+        if np.max(way, initial=0.0) > OUTGROWN:  # far too slow a pace: the gains are next to nothing already
+            break
         strongest = np.maximum(strongest, C @ way)
     gains = np.where(strongest > 0, pace / np.where(strongest > 0, strongest, 1.0), 0.0)
     return balancing_scale(A + np.abs(system.B) @ gains.T @ C)
