@@ -21,6 +21,9 @@ COUPLING_TOLERANCE = 1e-10
 ERROR_GROWTH = 10.0
 """How much larger than the errors of the model's entries the couplings may be that they cause: each step passes errors on."""
 
+OUTGROWN = 1e100
+"""At a pace at which the paths from inputs to outputs grow larger than this, feedback is next to nothing."""
+
 SHARED_TOLERANCE = 1e-7
 """An uncontrollable and an unobservable subspace share modes where the cosine between them is above this."""
 
@@ -56,9 +59,6 @@ def hidden_modes(system: StateSpace) -> list[tuple[complex, ZeroKind]]:
         (right, "unobservable mode"),
     ]
     return [(complex(value), kind) for basis, kind in blocks for value in np.linalg.eigvals(basis.T @ A @ basis)]
-
-
-OUTGROWN = 1e100
 
 
 def _plant_scale(system: StateSpace) -> Array:
