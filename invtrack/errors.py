@@ -18,7 +18,7 @@ class ModelError(InvtrackError, ValueError):
 
 
 class RelativeDegreeError(InvtrackError, ValueError):
-    """The plant has no (well-conditioned) vector relative degree, so no inverse in this form."""
+    """The plant has no inverse (its transfer matrix is singular or nearly so), or no vector relative degree where one is needed."""
 
 
 class TrajectoryError(InvtrackError, ValueError):

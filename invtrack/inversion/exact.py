@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from invtrack.arrays import Array
 from invtrack.errors import BoundednessError, CompatibilityError, TrajectoryError
 from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
+from invtrack.linear.normal_form import NormalForm
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
@@ -18,7 +20,7 @@ from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import SAME_ROW_TOLERANCE, TwoSidedProblem, TwoSidedSolution, two_sided_problem
-from invtrack.references.signal import Generator, PiecewiseSignal
+from invtrack.references.signal import JUMP_TOLERANCE, Generator, PiecewiseSignal
 
 CONSISTENCY_TOLERANCE = 1e-7
 """Conditions without unknowns left must hold to this share of the size of their terms."""
@@ -26,7 +28,7 @@ CONSISTENCY_TOLERANCE = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class Correction:
-    """The term v = feedback V eta + feedforward [zeta_d; y_d^(r)] of u = B_y^-1 (y_d^(r) - A_x x + v), which gives up exactness.
+    """The term v = feedback V eta + feedforward [zeta_d; chi_d] of u = B_y^-1 (chi_d - A_x x + v), which gives up exactness.
 
     feedback (p, n) acts on the state's distance V eta from P zeta_d, feedforward (p, rho + p) on the wanted output's derivatives.
     """
@@ -37,10 +39,11 @@ class Correction:
 
 @dataclass(frozen=True, eq=False)
 class InverseSystem:
-    """x = P zeta_d + V (W_s z_s + W_u z_u), u = B_y^-1 (y_d^(r) - A_x x + v): z_s forward, z_u backward.
+    """x = P zeta_d + V (W_s z_s + W_u z_u), u = B_y^-1 (chi_d - A_x x + v): z_s forward, z_u backward.
 
-    What is continuous through a jump is the state x (n,). Without a correction v = 0 and the outputs' derivatives zeta = C* x are
-    prescribed; a modified inverse prescribes none (Devasia 1996, eqs. 7-9 and 12; Devasia, Paden, Rossi 1996, eqs. 3-5).
+    zeta_d and chi_d are what `NormalForm` makes of the wanted outputs and their derivatives. What is continuous through a jump is
+    the state x (n,). Without a correction v = 0 and zeta = C* x is prescribed; a modified inverse prescribes nothing
+    (Devasia 1996, eqs. 7-9 and 12; Devasia, Paden, Rossi 1996, eqs. 3-5).
     """
 
     plant: StateSpace
@@ -53,7 +56,7 @@ class InverseSystem:
         """The inverse of `plant` with these internal dynamics, which take account of the correction."""
         form = split.internal.form
         if correction is None:
-            rho, p = sum(form.relative_degree), plant.n_channels
+            rho, p = len(form.C_star), plant.n_channels
             correction = Correction(np.zeros((p, plant.n_states)), np.zeros((p, rho + p)))
         x_s, x_u = form.V @ split.W_s, form.V @ split.W_u
         T = np.vstack([form.C_star, split.L_s @ form.N, split.L_u @ form.N])
@@ -68,10 +71,7 @@ class InverseSystem:
     def driven(self, generator: Generator) -> DrivenSystem:
         """The inverse for outputs y_d = R w, w' = S w."""
         form = self.split.internal.form
-        derivatives = [generator.derivative(k) for k in range(max(form.relative_degree) + 1)]
-        zeta_rows = [derivatives[k][i] for i, r in enumerate(form.relative_degree) for k in range(r)]
-        Z = np.array(zeta_rows).reshape(-1, len(generator.S))
-        highest = np.array([derivatives[r][i] for i, r in enumerate(form.relative_degree)])
+        Z, highest = form.zeta.rows(generator.derivative), form.chi.rows(generator.derivative)
         drive = np.vstack([Z, highest])
         return DrivenSystem(
             system=self.system,
@@ -93,7 +93,7 @@ def split_each(plant: SwitchedSystem) -> tuple[SplitDynamics, ...]:
 
 
 def _values(plant: StateSpace, split: SplitDynamics, x_rows: Array, y_r_rows: Array) -> Array:
-    """Rows of [x; u; y] from those of x and of y_d^(r) + v."""
+    """Rows of [x; u; y] from those of x and of chi_d + v."""
     F, G = split.internal.form.tracking_law()
     u_rows = F @ x_rows + G @ y_r_rows
     return np.vstack([x_rows, u_rows, plant.C @ x_rows + plant.D @ u_rows])
@@ -143,48 +143,74 @@ def inverse_problem(
 
 def _prescribed_peak(reference: PiecewiseSignal, model: InverseSystem) -> Array:
     """Largest size over the whole reference of each output and derivative that the inverse prescribes (rho,)."""
-    degrees = model.split.internal.form.relative_degree
-    sizes = [reference.size(order)[i] for i, r in enumerate(degrees) for order in range(r)]
-    return np.array(sizes[: model.system.prescribed], dtype=float)
+    return model.split.internal.form.zeta.size(reference.size)[: model.system.prescribed]
 
 
 def require_smooth(plant: SwitchedSystem, splits: Sequence[SplitDynamics], reference: PiecewiseSignal) -> None:
-    """Within an interval of relative degree r, y_d ... y_d^(r-1) must be continuous; at a jump the conditions there decide."""
-    after = plant.interval(reference.breakpoints)
-    before = np.searchsorted(plant.switch_times, reference.breakpoints, side="left")
+    """What the outputs prescribe of the state must be continuous within an interval; at a jump the conditions there decide.
+
+    With a vector relative degree r this is y_d ... y_d^(r-1). Raises TrajectoryError.
+    """
+    edges, inner = reference.breakpoints, reference.inner_times()
+    after, before = plant.interval(edges), np.searchsorted(plant.switch_times, edges, side="left")
+    known: dict[int, Array] = {}
+
+    def jump(order: int) -> Array:
+        """Jump of a derivative at each breakpoint (p, m + 1)."""
+        if order not in known:
+            sides = [reference(edges, derivative=order, inside=times) for times in (inner[1:], inner[:-1])]
+            known[order] = (sides[0] - sides[1]).T
+        return known[order]
+
     shape = (len(plant), len(plant))
-    sides, which = np.unique(np.ravel_multi_index((before, after), shape), return_inverse=True)
-    pairs = zip(*np.unravel_index(sides, shape), strict=True)
-    needed = np.array([_shared_orders(splits[i], splits[j]) for i, j in pairs])[which]  # (breakpoints, p)
-    for order in range(int(needed.max(initial=0))):
-        discontinuous = (reference.jumps(order) > 1e-9) & (order < needed)
-        if np.any(discontinuous):
-            at, channel = np.argwhere(discontinuous)[0]
-            name, r = plant.outputs.names[channel], int(needed[at, channel])
-            raise TrajectoryError(
-                f"the reference for {name!r} is not smooth enough: its derivative of order {order} jumps at "
-                f"t = {reference.breakpoints[at]:.6g} s, so it has {order} continuous derivatives (the value counted), but the "
-                f"plant's relative degree {r} needs {r}; use a smoother profile, for instance rest_to_rest(..., smoothness={r})"
-            )
+    pairs, which = np.unique(np.ravel_multi_index((before, after), shape), return_inverse=True)
+    for number, (i, j) in enumerate(zip(*np.unravel_index(pairs, shape), strict=True)):
+        form = splits[i].internal.form
+        size = form.zeta.size(reference.size)
+        shared = np.ones(len(size), dtype=bool) if i == j else _shared_rows(form, splits[j].internal.form)
+        broken = np.abs(form.zeta.rows(jump)) > JUMP_TOLERANCE * np.where(size > 0, size, 1.0)[:, None]
+        broken &= shared[:, None] & (which == number)
+        if np.any(broken):
+            at = int(np.flatnonzero(np.any(broken, axis=0))[0])
+            raise TrajectoryError(_not_smooth(plant, form, reference, at, [jump(k) for k in range(len(form.zeta.coefficients))]))
 
 
-def _shared_orders(left: SplitDynamics, right: SplitDynamics) -> list[int]:
-    """Per output, how many of y, y', ... are the same functions of the state in both intervals, so that they cannot jump."""
-    rows = [_derivative_rows(split) for split in (left, right)]
-    return [
-        next((k for k, (a, b) in enumerate(zip(*pair, strict=False)) if not _same_row(a, b)), min(len(pair[0]), len(pair[1])))
-        for pair in zip(*rows, strict=True)
-    ]
+def _not_smooth(plant: SwitchedSystem, form: NormalForm, reference: PiecewiseSignal, at: int, jumps: Sequence[Array]) -> str:
+    """The sentence for a reference of which a derivative that the inverse prescribes jumps at a breakpoint.
+
+    Args:
+        plant, form: whose outputs these are, and its normal form there.
+        reference: the deviation that is to be followed.
+        at: number of the breakpoint.
+        jumps: of each derivative (p, m + 1).
+    """
+    needed = [highest + 1 for highest in form.zeta.highest]
+    shares = [np.abs(jump[:, at]) / np.where(reference.size(k) > 0, reference.size(k), 1.0) for k, jump in enumerate(jumps)]
+    order, channel = next((k, i) for k, share in enumerate(shares) for i in np.flatnonzero(share > JUMP_TOLERANCE) if k < needed[i])
+    r = needed[channel]
+    return (
+        f"the reference for {plant.outputs.names[channel]!r} is not smooth enough: its derivative of order {order} jumps at "
+        f"t = {reference.breakpoints[at]:.6g} s, so it has {order} continuous derivatives (the value counted), but the "
+        + ("plant's inverse, without relative degree," if form.combined else f"plant's relative degree {r}")
+        + f" needs {r}; use a smoother profile, for instance rest_to_rest(..., smoothness={max(needed)})"
+    )
 
 
-def _derivative_rows(split: SplitDynamics) -> list[Array]:
-    """The rows of C* of each output."""
-    form = split.internal.form
-    return np.split(form.C_star, np.cumsum(form.relative_degree)[:-1])
+def _shared_rows(left: NormalForm, right: NormalForm) -> NDArray[np.bool_]:
+    """Which rows of zeta are, like those before them of the same output, the same functions of the state in both forms (rho,)."""
+    shared, start, other = np.zeros(len(left.C_star), dtype=bool), 0, 0
+    for ours, theirs in zip(left.orders, right.orders, strict=True):
+        for k in range(min(ours, theirs)):
+            same_row = _same(left.C_star[start + k], right.C_star[other + k])
+            if not (same_row and _same(left.zeta.combination(start + k), right.zeta.combination(other + k))):
+                break
+            shared[start + k] = True
+        start, other = start + ours, other + theirs
+    return shared
 
 
-def _same_row(a: Array, b: Array) -> bool:
-    return bool(np.all(np.abs(a - b) <= SAME_ROW_TOLERANCE * np.maximum(np.abs(a), np.abs(b)).max()))
+def _same(a: Array, b: Array) -> bool:
+    return a.shape == b.shape and bool(np.all(np.abs(a - b) <= SAME_ROW_TOLERANCE * np.maximum(np.abs(a), np.abs(b)).max()))
 
 
 def require_consistent(plant: SwitchedSystem, equations: TwoSidedSolution) -> None:

@@ -31,7 +31,7 @@ from invtrack.references.signal import PiecewiseSignal
 
 CONDITIONS: dict[type[InvtrackError], str] = {
     TrajectoryError: "smoothness of the reference",
-    RelativeDegreeError: "vector relative degree in every interval",
+    RelativeDegreeError: "an inverse in every interval",
     NonHyperbolicError: "no zeros on the imaginary axis before and after the manoeuvre",
     CompatibilityError: "compatibility at the jumps",
     BoundednessError: "boundedness before and after the manoeuvre",
@@ -128,8 +128,8 @@ def _jump(
 
 
 def _same_outputs(left: NormalForm, right: NormalForm) -> bool:
-    """Assumption 4: the same relative degree and the same rows of C*."""
-    if left.relative_degree != right.relative_degree:
+    """Assumption 4: as many derivatives of each output in C*, and the same rows."""
+    if left.orders != right.orders:
         return False
     size = np.max(np.maximum(np.abs(left.C_star), np.abs(right.C_star)), axis=1, keepdims=True, initial=0.0)
     return bool(np.all(np.abs(left.C_star - right.C_star) <= SAME_ROW_TOLERANCE * size))

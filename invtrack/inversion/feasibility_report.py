@@ -192,7 +192,7 @@ def _interval_cells(interval: IntervalReport) -> tuple[str, ...]:
     if zeros is None:
         return (*span, "undefined", *["-"] * 5)
     counts = (*interval.counts, len(zeros.hidden))
-    degrees = ", ".join(str(r) for r in zeros.relative_degree)
+    degrees = ", ".join(str(r) for r in zeros.derivatives) + (" *" if zeros.relative_degree is None else "")
     return (*span, degrees, f"{zeros.decoupling_condition:.3g}", *(str(count) for count in counts))
 
 

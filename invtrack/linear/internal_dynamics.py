@@ -33,7 +33,7 @@ REMEDIES = {
 
 @dataclass(frozen=True, eq=False)
 class InternalDynamics:
-    """eta' = A_eta eta + A_zeta zeta + B_r y^(r), the dynamics left when the output is prescribed.
+    """eta' = A_eta eta + A_zeta zeta + B_r chi, the dynamics left when the outputs are prescribed (zeta, chi: see `NormalForm`).
 
     Args:
         form: the plant's normal form.
@@ -54,7 +54,7 @@ class InternalDynamics:
 class SplitDynamics:
     """Internal dynamics in coordinates eta = W_s z_s + W_u z_u in which the stable and the antistable part are decoupled.
 
-    z_s' = A_s z_s + G_s [zeta; y^(r)], z_u' = A_u z_u + G_u [zeta; y^(r)], with z_s = L_s eta, z_u = L_u eta.
+    z_s' = A_s z_s + G_s [zeta; chi], z_u' = A_u z_u + G_u [zeta; chi], with z_s = L_s eta, z_u = L_u eta.
 
     Args:
         internal: the dynamics before they are split.

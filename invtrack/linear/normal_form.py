@@ -1,4 +1,4 @@
-"""Vector relative degree and the normal form: outputs with their derivatives, and internal coordinates."""
+"""The normal form: outputs with their derivatives, and internal coordinates."""
 
 from __future__ import annotations
 
@@ -10,47 +10,59 @@ import scipy.linalg
 
 from invtrack.arrays import Array
 from invtrack.errors import RelativeDegreeError
+from invtrack.linear.output_derivatives import OutputDerivatives
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace, as_state_space
-
-ROW_TOLERANCE = 1e-11
-"""A row C_i A^k B counts as zero where it is below this share of |C_i| |A|^k |B|, the largest value its terms could add up to."""
-
-ROUNDING = 10.0
-"""Rounding that the matrices may have come with, in units of n eps times their norms in balanced units."""
-
-DECOUPLING_CONDITION_LIMIT = 1e10
-"""Largest condition number of B_y, rows and columns scaled to unit size, with which it still counts as invertible."""
+from invtrack.linear.structure import output_structure
 
 
 @dataclass(frozen=True, eq=False)
 class NormalForm:
     """The plant in coordinates zeta = C_star x (outputs and derivatives) and eta = N x (internal).
 
-    y^(r) = A_x x + B_y u, x = P zeta + V eta, so that T = [C_star; N] and T^-1 = [P V] (Isidori 1989; Devasia 1996, eq. 5).
+    chi = A_x x + B_y u, x = P zeta + V eta, so that T = [C_star; N] and T^-1 = [P V]. For a plant with a vector relative degree r,
+    zeta holds y_i, y_i', ..., y_i^(r_i - 1) and chi the derivatives y_i^(r_i) (Isidori 1989; Devasia 1996, eq. 5); in general both
+    are combinations of the outputs' derivatives (see `OutputStructure`).
 
     Args:
-        relative_degree: (r_1, ..., r_p), with the sum rho.
+        orders: how often each output is differentiated, with the sum rho; the vector relative degree (r_1, ..., r_p), if any.
         C_star, N: (rho, n) and (n - rho, n).
         P, V: (n, rho) and (n, n - rho).
         A_x, B_y: (p, n) and (p, p).
+        zeta, chi: rho and p combinations of the outputs' derivatives.
+        combined: whether outputs are combined, so that there is no vector relative degree.
         decoupling_condition: condition number of B_y with rows and columns scaled to unit size.
     """
 
-    relative_degree: tuple[int, ...]
+    orders: tuple[int, ...]
     C_star: Array
     N: Array
     P: Array
     V: Array
     A_x: Array
     B_y: Array
+    zeta: OutputDerivatives
+    chi: OutputDerivatives
+    combined: bool
     decoupling_condition: float
 
+    @property
+    def relative_degree(self) -> tuple[int, ...] | None:
+        """The vector relative degree (r_1, ..., r_p), None where there is none."""
+        return None if self.combined else self.orders
+
+    @property
+    def derivatives(self) -> tuple[int, ...]:
+        """Highest derivative of each output that the input needs (p,); the vector relative degree, where there is one."""
+        return tuple(max(pair) for pair in zip(self.zeta.highest, self.chi.highest, strict=True))
+
     def tracking_law(self) -> tuple[Array, Array]:
-        """F (p, n) and G (p, p) of u = F x + G y_d^(r), the law that keeps exact tracking once it holds."""
-        F: Array = -scipy.linalg.solve(self.B_y, self.A_x)
-        G: Array = scipy.linalg.solve(self.B_y, np.eye(len(self.B_y)))
-        return F, G
+        """F (p, n) and G (p, p) of u = F x + G chi, the law that keeps exact tracking once it holds."""
+        # In rows and columns of unit size: the channels' units, far apart, would pass for a singular matrix.
+        row = np.max(np.abs(self.B_y), axis=1, keepdims=True)
+        column = np.max(np.abs(self.B_y / row), axis=0, keepdims=True)
+        solved = scipy.linalg.solve(self.B_y / row / column, np.hstack([-self.A_x, np.eye(len(row))]) / row) / column.T
+        return solved[:, : self.A_x.shape[1]], solved[:, self.A_x.shape[1] :]
 
 
 def relative_degree(system: Any) -> tuple[int, ...]:
@@ -58,87 +70,42 @@ def relative_degree(system: Any) -> tuple[int, ...]:
 
     system: StateSpace, or anything with A, B, C, D.
 
-    Raises ModelError for a malformed model, RelativeDegreeError where an output is reached by no input, or where B_y (p, p) is
-    singular or too ill-conditioned.
+    Raises ModelError for a malformed model, RelativeDegreeError where the outputs have no vector relative degree (their derivatives
+    must be combined before the inputs can be found from them), or no inverse at all.
     """
-    return normal_form(system).relative_degree
+    form = normal_form(system)
+    if form.combined:
+        outputs = as_state_space(system).outputs.names
+        raise RelativeDegreeError(
+            f"the outputs {list(outputs)} have no vector relative degree: where inputs first appear, their gains depend on each "
+            f"other. An inverse exists all the same; it takes derivatives of the outputs up to the orders {form.derivatives} (see "
+            "invtrack.normal_form), and invtrack.invert finds it"
+        )
+    return form.orders
 
 
 def normal_form(system: Any) -> NormalForm:
     """Normal form of `system`, internal coordinates orthonormal after balancing the states.
 
-    system: StateSpace, or anything with A, B, C, D. Raises ModelError for a malformed model, RelativeDegreeError as
-    `relative_degree` does.
+    system: StateSpace, or anything with A, B, C, D. Raises ModelError for a malformed model, RelativeDegreeError where its transfer
+    matrix has no inverse.
     """
     system = as_state_space(system)
-    degrees, star_rows, A_rows, B_rows = [], [], [], []
-    scale = _state_units(system)
-    for i in range(system.n_channels):
-        rows, last, gain = _differentiate_output(system, i, scale)
-        degrees.append(len(rows))
-        star_rows.extend(rows)
-        A_rows.append(last)
-        B_rows.append(gain)
-    B_y = np.array(B_rows)
-    condition = _decoupling_condition(system, B_y, degrees)
-    C_star = np.array(star_rows).reshape(-1, system.n_states)
-    P, V, N = _internal_coordinates(couplings(system, np.array(A_rows), B_y), C_star)
-    return NormalForm(tuple(degrees), C_star, N, P, V, np.array(A_rows), B_y, condition)
-
-
-def _state_units(system: StateSpace) -> Array:
-    """Units (n,) of the states in which they, inputs and outputs act on each other with similar strength."""
-    n, p = system.B.shape
-    loop = np.block(
-        [[system.A, system.B, np.zeros((n, p))], [np.zeros((p, n + p)), np.ones((p, p))], [system.C, np.zeros((p, 2 * p))]]
+    found = output_structure(system)
+    P, V, N = _internal_coordinates(couplings(system, found.A_x, found.B_y), found.C_star)
+    return NormalForm(
+        orders=found.orders,
+        C_star=found.C_star,
+        N=N,
+        P=P,
+        V=V,
+        A_x=found.A_x,
+        B_y=found.B_y,
+        zeta=found.zeta,
+        chi=found.chi,
+        combined=found.combined,
+        decoupling_condition=found.decoupling_condition,
     )
-    return balancing_scale(loop)[:n]
-
-
-def _differentiate_output(system: StateSpace, i: int, scale: Array) -> tuple[list[Array], Array, Array]:
-    """Rows C_i, C_i A, ... below the relative degree; then the row C_i A^r and the gain of the inputs in y_i^(r).
-
-    Besides what rounding does here, there is what it did before: in turned coordinates B has entries that would be zero, and where
-    C_i picks just these, nothing is left to measure them against. C_i B is therefore also measured against norms, in the units
-    `scale` of the states. Not so C_i A^k B: a long chain passes on less than the rounding of the norms, and yet exactly.
-    """
-    A, B = system.A, system.B
-    eps = ROUNDING * system.n_states * np.finfo(float).eps
-    rounding = eps * np.linalg.norm(system.C[i] * scale) * np.linalg.norm(B / scale[:, None], axis=0)
-    errors = system.error_estimates
-    A_error, B_error, C_error = (errors.get(name, 0.0) for name in "ABC")
-    row, size = system.C[i], np.abs(system.C[i])
-    error = np.full(system.n_states, C_error)
-    gain, gain_size, gain_error = system.D[i], np.abs(system.D[i]), np.full(system.n_channels, errors.get("D", 0.0))
-    rows: list[Array] = []
-    while np.all(np.abs(gain) <= ROW_TOLERANCE * gain_size + gain_error):
-        if len(rows) == system.n_states:
-            raise RelativeDegreeError(
-                f"output {system.outputs.names[i]!r} is not reached by any input (C_i A^k B vanishes for all "
-                f"k < {system.n_states}); choose another output, or another actuator"
-            )
-        rows.append(row)
-        gain, gain_size = row @ B, size @ np.abs(B)
-        gain_error = error @ np.abs(B) + np.abs(row).sum() * B_error + (rounding if len(rows) == 1 else 0.0)
-        row, size, error = row @ A, size @ np.abs(A), error @ np.abs(A) + np.abs(row).sum() * A_error
-    # y_i^(r) = C_i A^r x + (C_i A^(r-1) B) u: `row` has just been advanced to C_i A^r. Inputs that only rounding lets in are left
-    # out: scaled up to unit size, a column of rounding errors would pass for an independent input.
-    return rows, row, np.where(np.abs(gain) <= ROW_TOLERANCE * gain_size + gain_error, 0.0, gain)
-
-
-def _decoupling_condition(system: StateSpace, B_y: Array, degrees: list[int]) -> float:
-    scaled = B_y.copy()
-    for axis in (1, 0, 1):  # alternate: rows and columns to unit size, so that units do not matter
-        size = np.max(np.abs(scaled), axis=axis, keepdims=True)
-        scaled = scaled / np.where(size > 0, size, 1.0)
-    condition = float(np.linalg.cond(scaled))
-    if not condition < DECOUPLING_CONDITION_LIMIT:
-        raise RelativeDegreeError(
-            f"no vector relative degree: the outputs {list(system.outputs.names)} differentiated {degrees} times give a B_y with "
-            f"condition number {condition:.1e} (limit {DECOUPLING_CONDITION_LIMIT:.0e}), so the inputs {list(system.inputs.names)} "
-            "cannot set the outputs independently; choose other outputs, or delay an input by integrators in front of it"
-        )
-    return condition
 
 
 def couplings(system: StateSpace, A_x: Array, B_y: Array) -> Array:

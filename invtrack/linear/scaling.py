@@ -40,6 +40,18 @@ def pace_of(M: Array) -> float:
     return float(np.linalg.norm(M * scale / scale[:, None], 2))
 
 
+def loop_units(A: Array, B: Array, C: Array) -> tuple[Array, Array]:
+    """Units (n,) of the states and (p,) of the inputs in which they, and the outputs, act on each other with similar strength."""
+    scale, n = balancing_scale(_loop(np.abs(A), np.abs(B), np.abs(C))), len(A)
+    return scale[:n], scale[n : n + B.shape[1]]
+
+
+def _loop(A: Array, B: Array, C: Array) -> Array:
+    """The couplings (n + 2 p, n + 2 p) of states, inputs and outputs where every output is fed back to every input."""
+    n, p = B.shape
+    return np.block([[A, B, np.zeros((n, p))], [np.zeros((p, n + p)), np.ones((p, p))], [C, np.zeros((p, 2 * p))]])
+
+
 def unit_ratios(plant: SwitchedSystem) -> Array:
     """Size (n, n) that state i has where state j is 1, from how strongly they act on each other; 0 for those that do not.
 
@@ -47,8 +59,7 @@ def unit_ratios(plant: SwitchedSystem) -> Array:
     stand anywhere acts on nothing else in the plant, but an inverse finds it from where the tip is to be.
     """
     A, B, C = (np.max([np.abs(getattr(system, name)) for system in plant.distinct], axis=0) for name in "ABC")
-    n, p = B.shape
-    loop = np.block([[A, B, np.zeros((n, p))], [np.zeros((p, n + p)), np.ones((p, p))], [C, np.zeros((p, 2 * p))]])
+    loop, n = _loop(A, B, C), len(A)
     _, part = scipy.sparse.csgraph.connected_components(loop, directed=True, connection="strong")
     scale, part = balancing_scale(loop, within_parts=True)[:n], part[:n]
     return np.asarray(np.where(part[:, None] == part, scale[:, None] / scale, 0.0))

@@ -66,11 +66,18 @@ class Zero:
 class ZeroReport:
     """The zeros of a plant, from left to right in the complex plane.
 
-    relative_degree: (r_1, ..., r_p); decoupling_condition: condition number of B_y, rows and columns scaled to unit size.
+    Args:
+        zeros: those that are finite.
+        relative_degree: (r_1, ..., r_p), or None where there is no vector relative degree.
+        infinite_orders: orders of the zeros at infinity, one for each output; the relative degree, where there is one (p,).
+        derivatives: highest derivative of each output that the input needs; the relative degree, where there is one (p,).
+        decoupling_condition: condition number of B_y, rows and columns scaled to unit size.
     """
 
     zeros: tuple[Zero, ...]
-    relative_degree: tuple[int, ...]
+    relative_degree: tuple[int, ...] | None
+    infinite_orders: tuple[int, ...]
+    derivatives: tuple[int, ...]
     decoupling_condition: float
 
     @property
@@ -102,9 +109,16 @@ class ZeroReport:
         """ln(100) / Re s [s] of the slowest antistable zero s, in which the inverse grows from 1 % to its size; 0 without one."""
         return 0.0 if self.slowest is None else math.log(1 / START_SHARE) * self.slowest.time_constant
 
+    @property
+    def degrees(self) -> str:
+        """The relative degree as text, or the derivatives that the input needs where there is none."""
+        if self.relative_degree is not None:
+            return f"relative degree {_tuple(self.relative_degree)}"
+        orders, infinite = _tuple(self.derivatives), _tuple(self.infinite_orders)
+        return f"no vector relative degree, zeros at infinity of orders {infinite}, input from derivatives up to {orders}"
+
     def __str__(self) -> str:
-        degrees = ", ".join(str(r) for r in self.relative_degree)
-        head = f"{len(self.zeros)} zero(s); relative degree ({degrees}), condition number of B_y {self.decoupling_condition:.3g}"
+        head = f"{len(self.zeros)} zero(s); {self.degrees}, condition number of B_y {self.decoupling_condition:.3g}"
         lines, size = [head], max((abs(zero.value) for zero in self.zeros), default=0.0)
         if self.zeros:
             lines.append(f"  {'zero [rad/s]':<24}{'side':<12}{'time constant [s]':<19}{'frequency [rad/s]':<19}kind")
@@ -131,15 +145,19 @@ class ZeroReport:
         return sentences
 
 
+def _tuple(numbers: tuple[int, ...]) -> str:
+    return f"({', '.join(map(str, numbers))})"
+
+
 def _upper(value: complex) -> complex:
     return complex(value.real, abs(value.imag))
 
 
 def zeros(system: Any) -> ComplexArray:
-    """Invariant zeros [rad/s] of a square plant with vector relative degree: the eigenvalues of its internal dynamics, (n - rho,).
+    """Invariant zeros [rad/s] of a square plant with an inverse: the eigenvalues of its internal dynamics, (n - rho,).
 
-    system: StateSpace, or anything with A, B, C, D. Raises ModelError for a malformed model, RelativeDegreeError where there is no
-    vector relative degree.
+    system: StateSpace, or anything with A, B, C, D. Raises ModelError for a malformed model, RelativeDegreeError where its transfer
+    matrix has no inverse.
     """
     return internal_dynamics(as_state_space(system)).zeros
 
@@ -151,7 +169,7 @@ def zero_report(system: Any) -> ZeroReport:
     one where rank [A - s I; C] < n, else a transmission zero (Emami-Naeini, Van Dooren 1982). system: StateSpace, or anything with
     A, B, C, D. Zeros on the axis are reported, not refused; `print` shows a table.
 
-    Raises ModelError for a malformed model, RelativeDegreeError where there is no vector relative degree.
+    Raises ModelError for a malformed model, RelativeDegreeError where its transfer matrix has no inverse.
     """
     plant = as_state_space(system)
     internal = internal_dynamics(plant)
@@ -160,4 +178,5 @@ def zero_report(system: Any) -> ZeroReport:
         Zero(complex(value), kind, bool(axis)) for value, kind, axis in zip(internal.zeros, kinds, on_axis(internal), strict=True)
     ]
     found.sort(key=lambda zero: (round(zero.value.real, 12), zero.frequency, zero.value.imag))
-    return ZeroReport(tuple(found), internal.form.relative_degree, internal.form.decoupling_condition)
+    form = internal.form
+    return ZeroReport(tuple(found), form.relative_degree, form.orders, form.derivatives, form.decoupling_condition)

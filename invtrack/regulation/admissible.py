@@ -172,6 +172,6 @@ def _where(form: NormalForm, names: tuple[str, ...], jump: Array) -> tuple[str, 
     broken = np.flatnonzero(np.abs(zeta) > 1e-6 * np.where(terms > 0, terms, 1.0))
     if not broken.size:
         return "", -1, float(np.max(np.abs(jump)))
-    owners = [(i, k) for i, r in enumerate(form.relative_degree) for k in range(r)]
+    owners = [(i, k) for i, r in enumerate(form.orders) for k in range(r)]
     row = min(broken.tolist(), key=lambda row: owners[row][1])
     return names[owners[row][0]], owners[row][1], float(zeta[row])

@@ -75,10 +75,10 @@ PROBLEMS: dict[str, tuple[Any, PiecewiseSignal, str, int | None]] = {
     "relative degree changes in motion": (jumping(POSITION, MIXED), MOTION, "compatibility", 0),
     "zero on the axis": (jumping(system(1.0), system(0.0)), MOTION, "no zeros on the imaginary axis", None),
     "axis in between": (jumping(system(1.0), system(0.0), system(1.0), at=[0.5, 1.0]), MOTION, "", 0),
-    "no relative degree": (
+    "no inverse": (
         StateSpace(np.zeros((2, 2)), np.ones((2, 2)), np.eye(2)),
         rest_to_rest([0, 0], [1, 1], 1.0),
-        "vector relative degree",
+        "an inverse",
         None,
     ),
     "kink": (CANTILEVER, KINK, "smoothness", 0),

@@ -77,20 +77,11 @@ def test_an_output_that_no_input_reaches_is_refused_by_name() -> None:
         relative_degree(system)
 
 
-def test_outputs_that_move_together_are_refused_with_the_condition_number() -> None:
-    """Both outputs are moved by the sum of the inputs: B_y = [[1, 1], [1, 1 + 1e-13]]."""
-    system = StateSpace(np.zeros((2, 2)), [[1.0, 1.0], [1.0, 1.0 + 1e-13]], np.eye(2))
+def test_inputs_that_can_hardly_be_told_apart_are_refused_with_the_condition_number() -> None:
+    """B_y = [[1, 1], [1, 1 + 1e-10]]."""
+    system = StateSpace([[0.0, 1.0], [-1.0, -1.0]], [[1.0, 1.0], [1.0, 1.0 + 1e-10]], np.eye(2))
     with pytest.raises(RelativeDegreeError, match=r"condition number \d\.\de\+1\d \(limit 1e\+10\)"):
         relative_degree(system)
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_an_input_that_only_rounding_lets_in_is_no_input(seed: int) -> None:
-    """The second input acts one integration later than the first; in other coordinates rounding fills its column of B_y."""
-    A, B, C = np.diag([0.0, 1.0], k=1), np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), np.eye(3)[:2]
-    T = np.random.default_rng(seed).normal(size=(3, 3))
-    with pytest.raises(RelativeDegreeError, match="no vector relative degree"):
-        relative_degree(StateSpace(A, B, C).transformed(T))
 
 
 def test_a_gain_within_the_models_error_counts_as_zero() -> None:

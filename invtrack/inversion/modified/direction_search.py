@@ -158,7 +158,7 @@ def _modes(
     J, E = integrator_chains(form)
     R = np.hstack([internal.A_eta @ rest.H + internal.A_zeta - rest.H @ J, internal.B_r - rest.H @ E])
     used = [(i, k, column) for i, k, column in derivative_columns(form) if active[i]]
-    D = np.vstack([np.zeros((sum(form.relative_degree), len(used))), part.Y.T @ R[:, [column for _, _, column in used]]])
+    D = np.vstack([np.zeros((sum(form.orders), len(used))), part.Y.T @ R[:, [column for _, _, column in used]]])
     poles = _drawn_apart(part.poles)
     tail = TIME_CONSTANTS / float(np.min(np.abs(poles.real)))
     start, end = reference.manoeuvre

@@ -35,9 +35,9 @@ def equilibrium(internal: InternalDynamics) -> Equilibrium:
     """Internal equilibrium of the held output; with A_eta singular to within its uncertainty, as near to one as there is."""
     form, n_z = internal.form, len(internal.A_eta)
     solve = _solver(internal)
-    p, rho = len(form.relative_degree), sum(form.relative_degree)
+    p, rho = len(form.orders), sum(form.orders)
     H, H_0, residual, column = np.zeros((n_z, rho)), np.zeros((n_z, p)), np.zeros((n_z, p)), 0
-    for i, r in enumerate(form.relative_degree):
+    for i, r in enumerate(form.orders):
         if r == 0:
             H_0[:, i] = solve(-internal.B_r[:, i])
             residual[:, i] = internal.A_eta @ H_0[:, i] + internal.B_r[:, i]
@@ -74,8 +74,8 @@ def undivided_dynamics(plant: SwitchedSystem) -> tuple[SplitDynamics, ...]:
 
 def derivative_columns(form: NormalForm) -> list[tuple[int, int, int]]:
     """(output i, order k, column of [zeta_d; y_d^(r)]) for k = 1 ... r_i: what L may act on without disturbing a held output."""
-    columns, column, rho = [], 0, sum(form.relative_degree)
-    for i, r in enumerate(form.relative_degree):
+    columns, column, rho = [], 0, sum(form.orders)
+    for i, r in enumerate(form.orders):
         columns += [(i, k, column + k if k < r else rho + i) for k in range(1, r + 1)]
         column += r
     return columns
@@ -117,7 +117,7 @@ def modified_dynamics(internal: InternalDynamics, part: MovablePart, gain: Array
     gain (p, rho + k): on the movable part. unmoved: the zeros left where they are.
     """
     form, F = internal.form, part.full_gain(gain)
-    rho, p = sum(form.relative_degree), len(form.relative_degree)
+    rho, p = sum(form.orders), len(form.orders)
     n_z = len(internal.A_eta)
     n = rho + n_z
     J, E = integrator_chains(form)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array, ComplexArray
-from invtrack.errors import InversionError
+from invtrack.errors import InversionError, RelativeDegreeError
 from invtrack.inversion.exact import require_smooth
 from invtrack.inversion.modified.design import least_error_design, robust_design
 from invtrack.inversion.modified.design_problem import Candidate, DesignProblem
@@ -172,6 +172,7 @@ def modified_inversion(
     splits = undivided_dynamics(plant)
     require_smooth(plant, splits, deviation)
     internals = [split.internal for split in splits]
+    _require_relative_degree(plant, internals)
     choices = _choices(plant, internals, wish, intervals_named(interval, len(plant)), error_poles)
     _require_equilibrium(plant, internals, deviation)
     scale = _output_scale(output_scale, deviation)
@@ -214,6 +215,17 @@ def _choices(
         require_movable(system, internal, moved, interval=k, endless=k in (0, len(plant) - 1))
         choices.append((movable_part(internal, moved, after, error_poles), after, internal.zeros[~moved]))
     return choices
+
+
+def _require_relative_degree(plant: SwitchedSystem, internals: Sequence[InternalDynamics]) -> None:
+    """Raises RelativeDegreeError where the outputs' errors are no chains of integrators."""
+    for k, internal in enumerate(internals):
+        if internal.form.combined:
+            raise RelativeDegreeError(
+                f"interval {k}: the outputs {list(plant.outputs.names)} have no vector relative degree, which moving zeros needs; "
+                "invtrack.invert, invtrack.quadratic_redesign and invtrack.constrained_redesign do without, and other outputs may "
+                "have one"
+            )
 
 
 def _require_equilibrium(plant: SwitchedSystem, internals: Sequence[InternalDynamics], deviation: PiecewiseSignal) -> None:

@@ -72,7 +72,7 @@ def closed_under_conjugation(poles: ComplexArray) -> bool:
 
 def integrator_chains(form: NormalForm) -> tuple[Array, Array]:
     """J (rho, rho) and E (rho, p) of zeta' = J zeta + E y^(r)."""
-    degrees = form.relative_degree
+    degrees = form.orders
     J = scipy.linalg.block_diag(*[np.eye(r, k=1) for r in degrees]) if sum(degrees) else np.zeros((0, 0))
     E = np.zeros((sum(degrees), len(degrees)))
     for i, last in enumerate(np.cumsum(degrees) - 1):
@@ -89,11 +89,11 @@ def movable_part(
     Raises InversionError for chain poles of a wrong number, unstable or not in conjugate pairs.
     """
     form = internal.form
-    rho, wanted = sum(form.relative_degree), _poles(error_poles)
+    rho, wanted = sum(form.orders), _poles(error_poles)
     if wanted is None or len(wanted) != rho or not np.all(wanted.real < 0) or not closed_under_conjugation(wanted):
         raise InversionError(
             f"error_poles must be {rho} poles left of the imaginary axis, complex ones in conjugate pairs (as many as "
-            f"the relative degrees {form.relative_degree} add up to); got {error_poles!r}"
+            f"the relative degrees {form.orders} add up to); got {error_poles!r}"
         )
     n_z, k = len(internal.A_eta), int(np.sum(moved))
     Q = np.zeros((n_z, 0))
@@ -109,7 +109,7 @@ def movable_part(
     J, E = integrator_chains(form)
     M = np.block([[J, np.zeros((rho, k))], [Y.T @ internal.A_zeta, Y.T @ internal.A_eta @ Y]])
     B = np.vstack([E, Y.T @ internal.B_r])
-    return MovablePart(M, B, Y, form.relative_degree, wanted, targets[moved])
+    return MovablePart(M, B, Y, form.orders, wanted, targets[moved])
 
 
 def _poles(values: Sequence[complex]) -> ComplexArray | None:

@@ -1,0 +1,108 @@
+"""Why a plant has no inverse: the necessary condition that fails, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg
+
+from invtrack.arrays import Array, ComplexArray
+from invtrack.linear.scaling import loop_units, pace_of
+from invtrack.linear.state_space import StateSpace
+
+RANK_TOLERANCE = 1e-10
+"""Singular values below this share of the largest are none, rows and columns scaled to unit size."""
+
+REACHED = 1e-11
+"""An entry of the transfer matrix is none below this share of the terms that it is the sum of."""
+
+PROBES = np.exp(1j * np.array([0.6, 1.0, 1.3]))
+"""Where the transfer matrix is looked at, times the plant's pace: anywhere will do that is no zero or pole."""
+
+NO_INVERSE_NEEDED = (
+    "methods that need no inverse: invtrack.quadratic_redesign, invtrack.constrained_redesign and invtrack.prefilter, which follow "
+    "the outputs as well as the inputs can"
+)
+
+
+def why_not_invertible(system: StateSpace) -> str:
+    """The sentence for a refusal: which necessary condition of exact tracking fails, and what serves instead.
+
+    Independent inputs, rank [B; D] = p; independent outputs, rank [C, D] = p; each output reached by an input; normal rank p of the
+    transfer matrix G(s).
+    """
+    p, inputs, outputs = system.n_channels, system.inputs.names, system.outputs.names
+    state_unit, input_unit = loop_units(system.A, system.B, system.C)
+    B, C = system.B * input_unit / state_unit[:, None], system.C * state_unit
+    D, A = system.D * input_unit, system.A * state_unit / state_unit[:, None]
+    remedy = f"; choose other outputs or inputs, or use {NO_INVERSE_NEEDED}"
+    transfer = _transfer(A, B, C, D)
+    for name, row in zip(outputs, np.moveaxis(transfer, 1, 0), strict=True):
+        if not np.any(row):
+            return f"output {name!r} is not reached by any input (its row of the transfer matrix vanishes){remedy}"
+    for name, column in zip(inputs, np.moveaxis(transfer, 2, 0), strict=True):
+        if not np.any(column):
+            return f"input {name!r} reaches no output (its column of the transfer matrix vanishes){remedy}"
+    redundant, needless = _null(np.vstack([B, D])), _null(np.hstack([C, D]).T)
+    if redundant.shape[1]:
+        told = _combination(redundant[:, 0] * input_unit, inputs)
+        return f"the inputs are not independent: {told} acts on nothing, rank [B; D] is {p - redundant.shape[1]} of {p}{remedy}"
+    if needless.shape[1]:
+        told = _combination(needless[:, 0], outputs)
+        return f"the outputs are not independent: {told} is always zero, rank [C, D] is {p - needless.shape[1]} of {p}{remedy}"
+    rank = max(p - _null(matrix).shape[1] for matrix in transfer)
+    if rank < p:
+        left = [_null(matrix.T.conj())[:, 0] for matrix in transfer]
+        told = "they obey an equation of their own"
+        first = left[0] / left[0][np.argmax(np.abs(left[0]))]
+        if all(np.linalg.norm(v - first * (first.conj() @ v) / (first.conj() @ first)) < 1e-6 for v in left) and not np.any(
+            np.abs(first.imag) > 1e-6
+        ):
+            told = f"no input moves {_combination(first.real, outputs)}"
+        return (
+            f"the outputs {list(outputs)} cannot follow independent trajectories: the transfer matrix has normal rank {rank} of "
+            f"{p} ({told}){remedy}"
+        )
+    return (
+        f"how the inputs {list(inputs)} set the outputs {list(outputs)} independently cannot be told from rounding or from the "
+        f"errors of the model{remedy}"
+    )
+
+
+def _transfer(A: Array, B: Array, C: Array, D: Array) -> ComplexArray:
+    """G(s) at each probe (m, p, p), entries that are rounding set to zero."""
+    pace = max(pace_of(A), np.finfo(float).tiny)
+    result = []
+    for s in pace * PROBES:
+        resolvent = scipy.linalg.solve(s * np.eye(len(A)) - A, np.eye(len(A)))
+        G = C @ resolvent @ B + D
+        terms = np.abs(C) @ np.abs(resolvent) @ np.abs(B) + np.abs(D)
+        result.append(np.where(np.abs(G) <= REACHED * terms, 0.0, G))
+    return np.array(result)
+
+
+def _null(matrix: Array | ComplexArray) -> Array | ComplexArray:
+    """Orthonormal basis of the null space, of rows and columns scaled to unit size, back in the columns' units (p, k)."""
+    scaled = matrix / _unit(np.max(np.abs(matrix), axis=1, keepdims=True, initial=0.0))
+    column = _unit(np.max(np.abs(scaled), axis=0, initial=0.0))
+    _, sizes, Vh = np.linalg.svd(scaled / column)
+    rank = int(np.sum(sizes > RANK_TOLERANCE * max(sizes[0], 1.0)))
+    return np.asarray(Vh[rank:].conj().T / column[:, None])
+
+
+def _unit(size: Array) -> Array:
+    return np.where(size > 0, size, 1.0)
+
+
+def _combination(weights: Array | ComplexArray, names: Sequence[str]) -> str:
+    """Text such as "y1 - 2 y2", the first weight that counts scaled to one."""
+    weights = np.real(weights)
+    weights = np.where(np.abs(weights) > 1e-9 * np.max(np.abs(weights)), weights, 0.0)
+    first = int(np.flatnonzero(weights)[0])
+    text = names[first]
+    for weight, name in zip((weights / weights[first])[first + 1 :].tolist(), names[first + 1 :], strict=True):
+        if weight:
+            size = f"{abs(weight):.4g} "
+            text += f" {'-' if weight < 0 else '+'} " + ("" if size == "1 " else size) + name
+    return text

@@ -1,0 +1,238 @@
+"""The structure algorithm: outputs are differentiated, and combined, until the inputs can be found from them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from invtrack.arrays import Array
+from invtrack.errors import RelativeDegreeError
+from invtrack.linear.invertibility import why_not_invertible
+from invtrack.linear.output_derivatives import OutputDerivatives
+from invtrack.linear.scaling import loop_units
+from invtrack.linear.state_space import StateSpace
+
+ROW_TOLERANCE = 1e-11
+"""A coefficient counts as zero below this share of |C_i| |A|^k |B|, the largest value that its terms could add up to."""
+
+ROUNDING = 10.0
+"""Rounding that the matrices may have come with, in units of n eps times their norms in balanced units."""
+
+NO_MULTIPLE = 1e-13
+"""A multiple of another row below this share of what is taken away is rounding."""
+
+DECOUPLING_CONDITION_LIMIT = 1e10
+"""Largest condition number of B_y, rows and columns scaled to unit size, with which it still counts as invertible."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutputStructure:
+    """C_star x = zeta, rows that no input enters, and A_x x + B_y u = chi with B_y invertible.
+
+    zeta and chi are combinations of the outputs and their derivatives. Row i begins as output i and is differentiated orders[i]
+    times; where its inputs' gains depend on those of rows that have all they need, multiples of these are taken away first. Without
+    such combinations zeta holds y_i, y_i', ... and chi the derivatives y_i^(r_i) for the vector relative degree r = orders. In
+    general the orders are those of the plant's zeros at infinity.
+
+    Args:
+        orders: (p,), with the sum rho.
+        C_star: (rho, n), the rows of output 1, of output 2, and so on.
+        A_x, B_y: (p, n) and (p, p).
+        zeta, chi: rho and p combinations of the outputs' derivatives.
+        combined: whether rows were combined, so that there is no vector relative degree.
+        decoupling_condition: condition number of B_y with rows and columns scaled to unit size.
+    """
+
+    orders: tuple[int, ...]
+    C_star: Array
+    A_x: Array
+    B_y: Array
+    zeta: OutputDerivatives
+    chi: OutputDerivatives
+    combined: bool
+    decoupling_condition: float
+
+
+@dataclass(eq=False)
+class _Row:
+    """c x + d u = sum_k h_k y^(k), with the sizes of the terms that c and d are sums of, and what the model's errors make of them.
+
+    Args:
+        c, c_size, c_error: (n,).
+        d, d_size, d_error: (p,).
+        h: (k + 1, p).
+        turned: whether c may hold what rounding left of a zero, so that its products are measured against norms, too.
+    """
+
+    c: Array
+    c_size: Array
+    c_error: Array
+    d: Array
+    d_size: Array
+    d_error: Array
+    h: Array
+    turned: bool = True
+
+    @property
+    def d_tolerance(self) -> Array:
+        """Below which an entry of d is none (p,)."""
+        return ROW_TOLERANCE * self.d_size + self.d_error
+
+    @property
+    def vanishes(self) -> bool:
+        """Whether nothing is left of the row but rounding."""
+        return bool(np.all(np.abs(self.c) <= ROW_TOLERANCE * self.c_size + self.c_error))
+
+    def without(self, multiples: Array, others: Sequence[_Row]) -> _Row:
+        """The row less multiples (m,) of others, with the gains that are left."""
+        h = np.zeros((max(len(row.h) for row in (self, *others)), len(self.d)))
+        h[: len(self.h)] = self.h
+        c, c_size, c_error = self.c.copy(), self.c_size.copy(), self.c_error.copy()
+        d, d_size, d_error = self.d.copy(), self.d_size.copy(), self.d_error.copy()
+        for multiple, other in zip(multiples.tolist(), others, strict=True):
+            h[: len(other.h)] -= multiple * other.h
+            c -= multiple * other.c
+            d -= multiple * other.d
+            for total, part in ((c_size, other.c_size), (c_error, other.c_error), (d_size, other.d_size), (d_error, other.d_error)):
+                total += abs(multiple) * part
+        return _Row(c, c_size, c_error, d, d_size, d_error, h)
+
+
+def output_structure(system: StateSpace) -> OutputStructure:
+    """The structure of a square system, which exists where its transfer matrix is invertible.
+
+    Coefficients are held, one by one, against the terms that they are the sum of and the model's error estimates. Raises
+    RelativeDegreeError, with the reason, where the transfer matrix is singular or cannot be told from a singular one. Source: L. M.
+    Silverman, "Inversion of multivariable linear systems", IEEE Trans. Automatic Control 14, 1969; with a vector relative degree
+    it is the normal form of Isidori 1989 (Devasia 1996, eq. 5).
+    """
+    p, n = system.n_channels, system.n_states
+    state_unit, input_unit = loop_units(system.A, system.B, system.C)
+    rows = [_output_row(system, i) for i in range(p)]
+    chains: list[list[_Row]] = [[] for _ in range(p)]
+    done: list[int] = []
+    combined = False
+    while True:
+        combined |= _settle(rows, done, input_unit)
+        going = [i for i in range(p) if i not in done]
+        if not going:
+            break
+        if sum(map(len, chains)) + len(going) > n or any(rows[i].vanishes for i in going):
+            raise RelativeDegreeError(why_not_invertible(system))
+        for i in going:
+            chains[i].append(rows[i])
+            rows[i] = _differentiated(rows[i], system, state_unit)
+    orders = tuple(len(chain) for chain in chains)
+    flat = [row for chain in chains for row in chain]
+    B_y = np.array([row.d for row in rows])
+    return OutputStructure(
+        orders=orders,
+        C_star=np.array([row.c for row in flat]).reshape(-1, n),
+        A_x=np.array([row.c for row in rows]),
+        B_y=B_y,
+        zeta=_stacked([row.h for row in flat], p),
+        chi=_stacked([row.h for row in rows], p),
+        combined=combined,
+        decoupling_condition=_decoupling_condition(system, B_y, orders),
+    )
+
+
+def _output_row(system: StateSpace, i: int) -> _Row:
+    c, d, errors = system.C[i].copy(), system.D[i].copy(), system.error_estimates
+    c_error, d_error = (np.full(len(row), errors.get(name, 0.0)) for row, name in ((c, "C"), (d, "D")))
+    row = _Row(c, np.abs(c), c_error, d, np.abs(d), d_error, np.eye(system.n_channels)[i : i + 1])
+    return _without_rounding(row)
+
+
+def _differentiated(row: _Row, system: StateSpace, state_unit: Array) -> _Row:
+    """The row's time derivative, for a row that no input enters.
+
+    Besides what rounding does here, there is what it did before: in turned coordinates B has entries that would be zero, and where
+    a row picks just these, nothing is left to measure them against. The gains of outputs, and of rows made by cancellation, are
+    therefore also measured against norms, in the units of the states. Not so those further down a chain: a long one passes on less
+    than the rounding of the norms, and yet exactly.
+    """
+    A, B, errors = system.A, system.B, system.error_estimates
+    d_error = row.c_error @ np.abs(B) + np.abs(row.c).sum() * errors.get("B", 0.0)
+    if row.turned:
+        eps = ROUNDING * system.n_states * np.finfo(float).eps
+        d_error = d_error + eps * np.linalg.norm(row.c_size * state_unit) * np.linalg.norm(B / state_unit[:, None], axis=0)
+    return _without_rounding(
+        _Row(
+            c=row.c @ A,
+            c_size=row.c_size @ np.abs(A),
+            c_error=row.c_error @ np.abs(A) + np.abs(row.c).sum() * errors.get("A", 0.0),
+            d=row.c @ B,
+            d_size=row.c_size @ np.abs(B),
+            d_error=d_error,
+            h=np.vstack([np.zeros_like(row.h[:1]), row.h]),
+            turned=False,
+        )
+    )
+
+
+def _without_rounding(row: _Row) -> _Row:
+    """Inputs that only rounding lets in are left out: scaled up to unit size, rounding errors would pass for independent gains."""
+    row.d = np.where(np.abs(row.d) <= row.d_tolerance, 0.0, row.d)
+    return row
+
+
+def _settle(rows: list[_Row], done: list[int], input_unit: Array) -> bool:
+    """Rows with gains independent of those of the rows done are done, too; the others lose their gains. Whether any had some left.
+
+    Of those left, the one comes first whose gains are the least explained by the rows done.
+    """
+    while True:
+        left = {i: _explained(rows[i], [rows[j] for j in done], input_unit) for i in range(len(rows)) if i not in done}
+        independent = {i: share for i, (_, share) in left.items() if share > 0}
+        if not independent:
+            break
+        done.append(max(independent, key=lambda i: independent[i]))
+    combined = False
+    for i, (multiples, _) in left.items():
+        if np.any(rows[i].d):
+            rows[i] = rows[i].without(multiples, [rows[j] for j in done])
+            rows[i].d = np.zeros_like(rows[i].d)
+            combined = True
+    return combined
+
+
+def _explained(row: _Row, others: Sequence[_Row], input_unit: Array) -> tuple[Array, float]:
+    """Multiples (m,) of the others' gains that come nearest to the row's, and the share of these left, 0 where it is rounding."""
+    gains, size = row.d * input_unit, float(np.linalg.norm(row.d * input_unit))
+    if size == 0 or not others:
+        return np.zeros(len(others)), float(size > 0)
+    basis = np.array([other.d * input_unit for other in others])
+    sizes = np.linalg.norm(basis, axis=1)
+    multiples = np.linalg.lstsq((basis / sizes[:, None]).T, gains, rcond=None)[0]
+    multiples = np.where(np.abs(multiples) <= NO_MULTIPLE * size, 0.0, multiples) / sizes
+    rest = row.without(multiples, others)
+    share = float(np.linalg.norm(rest.d * input_unit)) / size
+    return multiples, 0.0 if np.all(np.abs(rest.d) <= rest.d_tolerance) else share
+
+
+def _stacked(combinations: Sequence[Array], p: int) -> OutputDerivatives:
+    """Combinations of different orders, (k + 1, p) each, as one."""
+    highest = max((len(h) for h in combinations), default=1)
+    coefficients = np.zeros((highest, len(combinations), p))
+    for i, h in enumerate(combinations):
+        coefficients[: len(h), i] = h
+    return OutputDerivatives(coefficients)
+
+
+def _decoupling_condition(system: StateSpace, B_y: Array, orders: tuple[int, ...]) -> float:
+    scaled = B_y.copy()
+    for axis in (1, 0, 1):  # alternate: rows and columns to unit size, so that units do not matter
+        size = np.max(np.abs(scaled), axis=axis, keepdims=True)
+        scaled = scaled / np.where(size > 0, size, 1.0)
+    condition = float(np.linalg.cond(scaled))
+    if not condition < DECOUPLING_CONDITION_LIMIT:
+        raise RelativeDegreeError(
+            f"the outputs {list(system.outputs.names)}, differentiated {list(orders)} times, depend on the inputs "
+            f"{list(system.inputs.names)} by a matrix with condition number {condition:.1e} (limit "
+            f"{DECOUPLING_CONDITION_LIMIT:.0e}), so that rounding decides what sets them independently; choose other outputs, or "
+            "leave out of the model what is that weak"
+        )
+    return condition
