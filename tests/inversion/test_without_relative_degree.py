@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -25,11 +27,11 @@ NODES = np.linspace(-0.5, 3.0, 15)
 
 
 def mismatch(plant: StateSpace, plan: Plan, reference: PiecewiseSignal, nodes: np.ndarray = NODES) -> float:
-    """Largest share of the peaks by which a Runge-Kutta integration of the plan's input misses its states and the wanted outputs."""
+    """Largest share of the peaks by which Runge-Kutta integration of the plan's input misses its states and the wanted outputs."""
     u0 = plant.operating_point.u0
     states, outputs = plan(nodes).x, []
     worst = 0.0
-    for k, (start, end) in enumerate(zip(nodes[:-1], nodes[1:], strict=True)):
+    for k, (start, end) in enumerate(itertools.pairwise(nodes)):
         middle = np.array([(start + end) / 2])
 
         def rate(t: float, x: np.ndarray, middle: np.ndarray = middle) -> np.ndarray:
@@ -113,7 +115,7 @@ def test_a_jump_behind_the_outputs(seed: int) -> None:
 def test_moving_zeros_needs_a_relative_degree() -> None:
     plant = StateSpace([[-1.0, 0.5], [0.2, 2.0]], np.eye(2), [[1.0, 0.0], [0.0, 2.0]], [[1.0, 1.0], [1.0, 1.0]])
     reference = rest_to_rest([0.0, 0.0], [1.0, 0.3], 2.0, smoothness=2)
-    with pytest.raises(RelativeDegreeError, match="moving zeros needs.*invtrack.quadratic_redesign"):
+    with pytest.raises(RelativeDegreeError, match=r"moving zeros needs.*invtrack.quadratic_redesign"):
         modified_inversion(plant, reference, axis_distance=5.0, real_part=6.0, error_poles=[-1.0])
 
 
