@@ -15,6 +15,7 @@ from invtrack.errors import NonHyperbolicError
 from invtrack.linear.hidden_modes import zero_kinds
 from invtrack.linear.normal_form import NormalForm, normal_form
 from invtrack.linear.propagation import Propagator
+from invtrack.linear.pseudospectrum import Pseudospectrum
 from invtrack.linear.state_space import StateSpace
 
 AXIS_TOLERANCE = 1e-8
@@ -125,14 +126,13 @@ def on_axis(internal: InternalDynamics) -> NDArray[np.bool_]:
     j Im s (smallest singular value of A_eta - z I for z on the way): so a double zero, which rounding splits by sqrt(eps), is
     still seen. Looking only at j Im s would name every real zero beside one at the origin.
     """
-    found = np.zeros(len(internal.zeros), dtype=bool)
-    for i, zero in enumerate(internal.zeros):
-        way = (1j * zero.imag + share * zero.real for share in (0.0, 0.25, 0.5, 0.75))
-        found[i] = abs(zero.real) <= AXIS_TOLERANCE * abs(zero) or all(
-            np.linalg.svd(internal.A_eta - z * np.eye(len(internal.A_eta)), compute_uv=False)[-1] <= internal.uncertainty
-            for z in way
-        )
-    return found
+    zeros, movable = internal.zeros, Pseudospectrum(internal.A_eta)
+    found = np.abs(zeros.real) <= AXIS_TOLERANCE * np.abs(zeros)
+    reached = ~found
+    for share in (0.0, 0.25, 0.5, 0.75):
+        way = (share * zeros.real + 1j * zeros.imag)[reached].astype(complex)
+        reached[reached] = movable.contains(way, internal.uncertainty)
+    return np.asarray(found | reached)
 
 
 def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics:
