@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
 from invtrack.arrays import Array
 from invtrack.errors import InversionError
 from invtrack.inversion.modified.design_problem import Candidate, DesignProblem, Solved, with_least_squares, without_feedforward
 from invtrack.inversion.modified.direction_search import best_directions
 from invtrack.inversion.modified.modified_dynamics import ModifiedDynamics, equilibrium, modified_dynamics
-from invtrack.inversion.modified.placement import MovablePart, robust_gain, structured_gain
+from invtrack.inversion.modified.placement import MovablePart, robust_gain
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros
 
 
@@ -33,7 +31,11 @@ def least_error_design(problem: DesignProblem) -> Solved:
     """
     placed = {_placement_name(problem): _dynamics(problem, lambda part, _: robust_gain(part, problem.output_scale))}
     if len(problem.output_scale) > 1 and any(len(part.targets) for part in problem.parts):
-        placed["optimized directions"] = _dynamics(problem, lambda part, internal: _optimized_gain(problem, part, internal))
+        planning, scale, active = problem.planning, problem.output_scale, problem.active
+        placed["optimized directions"] = _dynamics(
+            problem,
+            lambda part, internal: best_directions(part, internal, equilibrium(internal), planning.deviation, scale, active),
+        )
     found: list[Solved] = []
     for name, dynamics in placed.items():
         if dynamics is not None:
@@ -60,8 +62,8 @@ def _placement_name(problem: DesignProblem) -> str:
 def _not_placed(problem: DesignProblem) -> InversionError:
     wanted = "; ".join(dict.fromkeys(format_zeros(part.poles) for part in problem.parts))
     return InversionError(
-        f"the poles {wanted} cannot be placed to within rounding; choose error_poles apart from each other and from the zeros, "
-        "none repeated more often than there are inputs, and move the zeros less far"
+        f"the poles {wanted} cannot be placed to within rounding: the inputs move too little of what is to be placed; choose "
+        "error_poles of about the pace of the zeros moved, and move these less far"
     )
 
 
@@ -80,14 +82,3 @@ def _dynamics(
             known[key] = modified_dynamics(internal, part, found, unmoved)
         result.append(known[key])
     return result
-
-
-def _optimized_gain(problem: DesignProblem, part: MovablePart, internal: InternalDynamics) -> Array | None:
-    if part.chains is None or part.keeps_a_pole:
-        return None
-    if not len(part.targets):
-        return structured_gain(part, np.zeros((len(problem.output_scale), 0)))
-    directions = best_directions(
-        part, internal, equilibrium(internal), problem.planning.deviation, problem.output_scale, problem.active
-    )
-    return structured_gain(part, directions)

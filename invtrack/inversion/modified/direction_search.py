@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.inversion.modified.design_problem import TIME_CONSTANTS, best_weights
 from invtrack.inversion.modified.modified_dynamics import Equilibrium, derivative_columns
-from invtrack.inversion.modified.placement import MovablePart, distinct, integrator_chains
+from invtrack.inversion.modified.placement import MovablePart, integrator_chains, structured_gain
+from invtrack.inversion.modified.target_chains import TargetChains, repeated
 from invtrack.linear.internal_dynamics import InternalDynamics
 from invtrack.references.signal import PiecewiseSignal
 
@@ -38,8 +39,8 @@ FLAT = 1e-3
 class _Modes:
     """The movable part in modes of the poles wanted, with the responses of each mode to each derivative of the reference.
 
-    poles (m,): those of the chains, then the zeros moved; D (m, n_d): drive of z by the derivatives; responses (n, m, n_d): their
-    triangular factor, which has the same inner products as the responses over time; owner: output of each chain pole.
+    poles (m,): those of the errors, then the zeros moved; D (m, n_d): drive of z by the derivatives; responses (n, m, n_d): their
+    triangular factor, which has the same inner products as the responses over time; owner: output of each error pole.
     """
 
     part: MovablePart
@@ -50,7 +51,7 @@ class _Modes:
     output_scale: Array
 
     def error(self, directions: ComplexArray) -> float:
-        """Integral square error for the directions (p, k) of the zeros moved, with the best L."""
+        """Integral square error for the directions (p, k) of the zeros moved, one for each mode, with the best L."""
         p, m = len(self.output_scale), len(self.poles)
         G = np.hstack([np.eye(p)[:, self.owner], directions])
         Q = np.linalg.solve(self.poles[:, None, None] * np.eye(m) - self.part.M, (self.part.B @ G).T[:, :, None])[:, :, 0].T
@@ -81,11 +82,12 @@ def best_directions(
     reference: PiecewiseSignal,
     output_scale: Array,
     active: NDArray[np.bool_],
-) -> Array:
-    """Directions (p, k) for `structured_gain` with the least integral square error, L chosen along with them.
+) -> Array | None:
+    """Gain (p, m) by `structured_gain`, through directions with the least integral square error, L chosen along with them.
 
     The interval is looked at by itself, as if it had no end. The search descends (BFGS) from the best of these starts: one output
-    alone bears the error, or all of them share it in the proportion in which they move the zeros.
+    alone bears the error, or all of them share it in the proportion in which they move the zeros. Equal zeros go to as many Jordan
+    chains as the inputs can keep apart. None where no directions reach the zeros.
 
     Args:
         part: what is placed.
@@ -95,24 +97,21 @@ def best_directions(
         output_scale: sizes of the outputs in which errors are measured (p,).
         active: which outputs are to move at all (p,).
     """
-    modes = _modes(part, internal, rest, reference, output_scale, active)
-    together = not distinct(part.targets)  # one chain of modes, driven from its head
-    heads = part.targets[:1] if together else part.targets[part.targets.imag >= 0]
-    sizes = [1 if together or s.imag == 0 else 2 for s in heads]
-    p = len(output_scale)
+    if part.chains is None or part.keeps_a_pole:
+        return None
+    chains, starts = _reaching(part, output_scale)
+    if not starts:
+        return None
+    modes = _modes(part, chains, internal, rest, reference, output_scale, active)
+    vectors = chains.eigenvectors(modes.poles[len(part.error_poles) :])
 
-    def directions(parameters: Array) -> ComplexArray:
-        columns, given = [], iter(np.split(parameters.reshape(-1, p), np.cumsum(sizes)[:-1]))
-        chosen = {complex(s): next(given).T * output_scale[:, None] for s in heads}
-        for s in part.targets:
-            g = chosen[complex(heads[0])] if together else chosen[complex(s.real, abs(s.imag))]
-            columns.append(g[:, 0] if g.shape[1] == 1 else g[:, 0] + 1j * np.sign(s.imag) * g[:, 1])
-        return np.array(columns, dtype=complex).T
+    def directions(parameters: Array) -> Array:
+        return parameters.reshape(-1, len(output_scale)).T * output_scale[:, None]
 
     def error(parameters: Array) -> float:
-        return modes.error(directions(parameters))
+        return modes.error(directions(parameters) @ vectors)
 
-    starts = sorted(_starts(part, sizes, output_scale), key=error)[:STARTS]
+    starts = sorted(starts, key=error)[:STARTS]
     best, unit = starts[0], error(starts[0])
     if np.isfinite(unit) and unit > 0:
         with np.errstate(invalid="ignore", over="ignore"):  # directions that do not reach the zeros count as infinitely bad
@@ -123,18 +122,28 @@ def best_directions(
                 for start in starts
             ]
         best = min(found, key=lambda result: float(result.fun)).x
-    blocks = np.split(best.reshape(-1, p), np.cumsum(sizes)[:-1])
-    if together:
-        return np.hstack([blocks[0].T * output_scale[:, None], np.zeros((p, len(part.targets) - 1))])
-    order = [block for block, s in zip(blocks, heads, strict=True) if s.imag == 0]
-    order += [block for block, s in zip(blocks, heads, strict=True) if s.imag > 0]
-    return np.vstack(order).T * output_scale[:, None]
+    return structured_gain(part, chains, directions(best))
 
 
-def _starts(part: MovablePart, sizes: list[int], output_scale: Array) -> list[Array]:
-    """Each output alone, and all of them in proportion to what they do to the zeros moved."""
-    p = len(output_scale)
-    rho = sum(part.degrees)
+def _reaching(part: MovablePart, output_scale: Array) -> tuple[TargetChains, list[Array]]:
+    """The most chains of equal zeros for which there are starts that reach them, and these starts."""
+    most = max(map(len, repeated(part.targets)), default=1)
+    for count in range(min(most, len(output_scale)), 0, -1):
+        chains = TargetChains.of(part.targets, count)
+        starts = _starts(part, chains, output_scale)
+        reaching = [
+            start
+            for start in starts
+            if structured_gain(part, chains, start.reshape(-1, len(output_scale)).T * output_scale[:, None]) is not None
+        ]
+        if reaching:
+            break
+    return chains, reaching
+
+
+def _starts(part: MovablePart, chains: TargetChains, output_scale: Array) -> list[Array]:
+    """Each output alone, and all of them in proportion to what they do to the zeros moved; equal zeros by turns."""
+    p, rho = len(output_scale), sum(part.degrees)
     effect = part.B[rho:] * output_scale
     reach = np.linalg.norm(effect, axis=0)
     # Where no output's highest derivative drives the zeros at once, each may do so through its lower ones.
@@ -142,12 +151,21 @@ def _starts(part: MovablePart, sizes: list[int], output_scale: Array) -> list[Ar
     weights = [np.eye(p)[i] + 1e-3 for i in np.flatnonzero(moving)]
     if len(effect):
         weights += [row / np.max(np.abs(row)) for row in effect[:1] if np.any(row)]
-    # The second row of a pair, its imaginary part, starts small but not at zero, where the error is even in it.
-    return [np.concatenate([np.vstack([w, 0.1 * w[::-1]][:size]).ravel() for size in sizes]) for w in weights]
+    starts = []
+    for first in range(len(weights)):
+        rows = []
+        for number, chain in enumerate(chains.chains):
+            turn = sum(1 for other in chains.chains[:number] if other[0] == chain[0])
+            w = weights[(first + turn) % len(weights)]
+            # What follows a chain's head, the imaginary part of a pair's, starts small but not at zero, where the error is even.
+            rows += [w] + [0.1 * w[::-1]] * (len(chain) * (1 if chain[0].imag == 0 else 2) - 1)
+        starts.append(np.array(rows).reshape(len(part.targets), p).ravel())
+    return starts
 
 
 def _modes(
     part: MovablePart,
+    chains: TargetChains,
     internal: InternalDynamics,
     rest: Equilibrium,
     reference: PiecewiseSignal,
@@ -159,7 +177,7 @@ def _modes(
     R = np.hstack([internal.A_eta @ rest.H + internal.A_zeta - rest.H @ J, internal.B_r - rest.H @ E])
     used = [(i, k, column) for i, k, column in derivative_columns(form) if active[i]]
     D = np.vstack([np.zeros((sum(form.orders), len(used))), part.Y.T @ R[:, [column for _, _, column in used]]])
-    poles = _drawn_apart(part.poles)
+    poles = _drawn_apart(np.concatenate([part.error_poles, chains.poles]))
     tail = TIME_CONSTANTS / float(np.min(np.abs(poles.real)))
     start, end = reference.manoeuvre
     h = max(0.05 / float(np.max(np.abs(poles))), (end - start + 2 * tail) / GRID)

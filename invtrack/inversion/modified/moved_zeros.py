@@ -69,7 +69,7 @@ class Wish:
         and for a place on the imaginary axis.
         """
         moved, targets, near = np.zeros(len(zeros), dtype=bool), zeros.copy(), _near(zeros)
-        imag = np.where(np.abs(zeros.imag) > near, zeros.imag, 0.0)  # rounding splits a repeated real zero into a pair
+        imag = _imaginary_parts(zeros, near)
         if self.axis_distance is not None and self.real_part is not None:
             moved = np.abs(zeros.real) <= self.axis_distance
             targets[moved] = self.real_part + 1j * imag[moved]
@@ -115,6 +115,12 @@ def _shown(zero: complex) -> str:
 
 def _near(zeros: ComplexArray) -> float:
     return REPEATED_TOLERANCE * float(np.max(np.abs(zeros), initial=0.0))
+
+
+def _imaginary_parts(zeros: ComplexArray, near: float) -> Array:
+    """Those of the zeros (n_z,) that repeated ones share: rounding splits a real one into a pair, and a pair into several."""
+    shared = np.array([np.mean(zeros.imag[np.abs(zeros - zero) <= near]) for zero in zeros])
+    return np.where(np.abs(shared) > near, shared, 0.0)
 
 
 def _fits(zeros: ComplexArray, near: float, name: complex) -> bool:

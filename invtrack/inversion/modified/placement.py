@@ -13,11 +13,16 @@ from numpy.typing import NDArray
 
 from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import InversionError
+from invtrack.inversion.modified.schur_placement import schur_gain
+from invtrack.inversion.modified.target_chains import TargetChains, repeated
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros
 from invtrack.linear.normal_form import NormalForm
 
 PLACED_TOLERANCE = 1e-4
-"""Placed poles must be met to this share of the largest; a repeated pole of multiplicity k only to the k-th root of rounding."""
+"""Placed poles must be met to this share of the largest; of a repeated one, which rounding splits, the mean."""
+
+PLACED_ROUNDING = 1e-11
+"""Rounding, of which the k-th root is what a pole of multiplicity k may be split by, as a share of the largest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +134,11 @@ def _selector(zeros: ComplexArray, moved: NDArray[np.bool_]) -> Callable[[float,
 
 
 def robust_gain(part: MovablePart, output_scale: Array) -> Array | None:
-    """Gain (p, m) by robust pole placement (Tits, Yang 1996), in units in which outputs count alike; None where it fails."""
+    """Gain (p, m) by robust pole placement (Tits, Yang 1996), in units in which outputs count alike; None where it fails.
+
+    Poles repeated more often than eigenvectors can be found for (more often than there are inputs, or than independent ways lead to
+    them) are placed one after another instead.
+    """
     if not len(part.M):
         return np.zeros((part.B.shape[1], 0))
     pace = float(np.exp(np.mean(np.log(np.abs(part.poles)))))
@@ -138,20 +147,25 @@ def robust_gain(part: MovablePart, output_scale: Array) -> Array | None:
     rho = len(d_e)
     off = np.linalg.norm(part.B[rho:] * d_v) / pace if len(part.B) > rho else 1.0
     d = np.concatenate([d_e, np.full(len(part.M) - rho, off if off > 0 else 1.0)])
+    M, B, poles = part.M * d / d[:, None] / pace, part.B * d_v / d[:, None] / pace, part.poles / pace
+
+    def in_units(gain: Array | None) -> Array | None:
+        return None if gain is None else _accepted(part, gain * d_v[:, None] / d)
+
     try:
         with warnings.catch_warnings():
             # Iterations that end before the gain is at its most robust leave the poles in place, and these are checked below.
             warnings.filterwarnings("ignore", message="Convergence was not reached", category=UserWarning)
-            placed = scipy.signal.place_poles(part.M * d / d[:, None] / pace, part.B * d_v / d[:, None] / pace, part.poles / pace)
-    except ValueError:  # poles repeated more often than there are inputs
-        return _only_gain(part) if len(part.degrees) == 1 else None
-    return _accepted(part, -np.asarray(placed.gain_matrix) * d_v[:, None] / d)
+            robust = in_units(-np.asarray(scipy.signal.place_poles(M, B, poles).gain_matrix))
+    except (ValueError, np.linalg.LinAlgError):  # poles repeated more often than eigenvectors can be found for
+        robust = None
+    return in_units(schur_gain(M, B, poles)) if robust is None else robust
 
 
-def structured_gain(part: MovablePart, directions: Array) -> Array | None:
-    """Gain (p, m) that leaves each output's chain to itself and moves the zeros through `directions` (p, k).
+def structured_gain(part: MovablePart, chains: TargetChains, directions: Array) -> Array | None:
+    """Gain (p, m) that leaves each output's errors to themselves and moves the zeros, in `chains`, through `directions` (p, k).
 
-    M Q + B G = Q Lambda, F = G Q^-1: each chain answers with its own poles; what it costs to move the zeros shows in the
+    M Q + B G = Q Lambda, F = G Q^-1: each output's error answers with its own poles; what it costs to move the zeros shows in the
     outputs in the proportion of the directions. None where the directions do not reach the zeros.
     """
     if part.chains is None or part.keeps_a_pole:
@@ -163,21 +177,8 @@ def structured_gain(part: MovablePart, directions: Array) -> Array | None:
             G = np.zeros((part.B.shape[1], len(poles)))
             G[i, 0] = 1.0
             inputs.append(G)
-    Lambda = scipy.linalg.block_diag(*blocks, *target_blocks(part.targets)) if len(part.M) else np.zeros((0, 0))
+    Lambda = scipy.linalg.block_diag(*blocks, chains.matrix) if len(part.M) else np.zeros((0, 0))
     G = np.hstack([*inputs, directions])
-    return _gain_through(part, Lambda, G)
-
-
-def _only_gain(part: MovablePart) -> Array | None:
-    """The one gain of a plant with one input, poles repeated as often as one likes: all of them in one companion matrix."""
-    pace = float(np.exp(np.mean(np.log(np.abs(part.poles)))))
-    G = np.zeros((1, len(part.M)))
-    G[0, 0] = 1.0
-    return None if part.keeps_a_pole else _gain_through(part, pace * companion(part.poles / pace), G)
-
-
-def _gain_through(part: MovablePart, Lambda: Array, G: Array) -> Array | None:
-    """F = G Q^-1 with M Q + B G = Q Lambda, so that M + B F has the eigenvalues of Lambda; None where Q is singular."""
     try:
         Q = scipy.linalg.solve_sylvester(part.M, -Lambda, -part.B @ G)
         size = np.linalg.norm(Q, axis=0)
@@ -196,23 +197,16 @@ def companion(poles: ComplexArray) -> Array:
     return result
 
 
-def target_blocks(targets: ComplexArray) -> list[Array]:
-    """Real blocks with the moved zeros as eigenvalues: one for each of them where they are distinct, else one companion matrix."""
-    if not distinct(targets):
-        return [companion(targets)]
-    real = [np.array([[s.real]]) for s in targets if s.imag == 0]
-    return real + [np.array([[s.real, s.imag], [-s.imag, s.real]]) for s in targets if s.imag > 0]
-
-
-def distinct(targets: ComplexArray) -> bool:
-    """Whether no two of these poles are the same to within rounding."""
-    distance = np.abs(targets[:, None] - targets)
-    np.fill_diagonal(distance, np.inf)
-    return bool(np.min(distance, initial=np.inf) > 1e-6 * np.max(np.abs(targets), initial=0.0))
-
-
 def _accepted(part: MovablePart, gain: Array) -> Array | None:
+    """The gain if it places the poles: each as exactly as its multiplicity lets it, repeated ones also in their mean."""
     found = np.linalg.eigvals(part.M + part.B @ gain)
-    distance = np.abs(found[:, None] - part.poles)
-    miss = distance[scipy.optimize.linear_sum_assignment(distance)].max(initial=0.0)
-    return gain if miss <= PLACED_TOLERANCE * np.max(np.abs(part.poles), initial=0.0) else None
+    poles, size = part.poles, float(np.max(np.abs(part.poles), initial=0.0))
+    which, order = scipy.optimize.linear_sum_assignment(np.abs(found[:, None] - poles))
+    miss = np.empty(len(poles), dtype=complex)
+    miss[order] = found[which] - poles[order]
+    for equal in repeated(poles):
+        if abs(np.mean(miss[equal])) > PLACED_TOLERANCE * size:
+            return None
+        if np.max(np.abs(miss[equal])) > max(PLACED_TOLERANCE, PLACED_ROUNDING ** (1 / len(equal))) * size:
+            return None
+    return gain
