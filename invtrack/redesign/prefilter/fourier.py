@@ -18,8 +18,17 @@ OVERSAMPLING = 4
 SPLINE_MARGIN = 30
 """Samples kept beyond the times asked for: the spline's end conditions have died out over them."""
 
-MAX_HARMONICS = 2**18
-"""Windows with more frequencies than this are not tried."""
+PROMPT_HARMONICS = 2**13
+"""Up to this many frequencies a window is refined in any case; they take a second or two."""
+
+MAX_HARMONICS = 2**17
+"""Windows with more frequencies than this are not refined further."""
+
+USELESS = 1e-2
+"""A signal that is truncated by more than this share of its peak is not handed out, unless it was asked for."""
+
+NOT_ALONE = 0.1
+"""What makes up more than this share of the truncation error is named among its reasons."""
 
 QUIET_CHANNEL = 1e-6
 """A channel whose peak is below this share of the largest of its kind is measured against that share."""
@@ -59,6 +68,11 @@ class FourierWindow:
     def frequencies(self) -> Array:
         """w_k [rad/s], (harmonics + 1,)."""
         return np.asarray(2 * np.pi / self.length * np.arange(self.harmonics + 1.0))
+
+    @property
+    def bandwidth(self) -> float:
+        """Highest frequency [rad/s]."""
+        return 2 * np.pi * self.harmonics / self.length
 
     def lengthened(self) -> FourierWindow:
         """Twice as long about the same middle, with the same bandwidth."""
@@ -107,41 +121,106 @@ class FourierWindow:
         return np.asarray(spline(inside))
 
 
+class OncePerFrequency:
+    """A function of frequency that is evaluated once at each: the grids of windows lengthened and widened contain one another's."""
+
+    def __init__(self, function: Callable[[Array], ComplexArray]) -> None:
+        """function: from frequencies (m,) to values (m, ...)."""
+        self._function = function
+        self._w: Array = np.zeros(0)
+        self._values: ComplexArray | None = None
+
+    def __call__(self, w: Array) -> ComplexArray:
+        """Values at frequencies w (m,), which increase."""
+        fresh = np.setdiff1d(w, self._w, assume_unique=True)
+        if self._values is None:
+            self._w, self._values = fresh, self._function(fresh)
+        elif fresh.size:
+            both = np.concatenate([self._w, fresh])
+            order = np.argsort(both)
+            self._w, self._values = both[order], np.concatenate([self._values, self._function(fresh)])[order]
+        return np.asarray(self._values[np.searchsorted(self._w, w)])
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """A signal as good as it gets: values (m, c) at times (m,), its truncation error as a share of each peak, and remarks."""
+
+    times: Array
+    values: Array
+    truncation_error: float
+    remarks: tuple[str, ...]
+
+
 def refine(
     samples: Callable[[FourierWindow], Array], window: FourierWindow, times: Array | None, tolerance: float, groups: Sequence[int]
-) -> tuple[Array, Array, float]:
-    """(times (m,), values (m, c), truncation error) of a signal whose samples on any window are known.
+) -> Refined:
+    """A signal whose samples on any window are known, with windows made longer and wider until that changes nothing.
 
     The error is the largest change at these times when the window is made twice as long plus the one when the bandwidth is doubled,
-    relative to the channel's peak over the window.
+    relative to the channel's peak over the window; both changes are made to the values, so that it bounds what is left of them
+    wherever doubling at least halves it. It does so even for a spectrum that jumps, whose error falls as one over the window's
+    length. Such a spectrum reaches no small tolerance at any price: beyond PROMPT_HARMONICS, refinement goes on only while the
+    measured convergence leads to the tolerance within MAX_HARMONICS. Otherwise the values come with what has been attained.
 
     Args:
         samples: gives the signal's values (samples, c) at the `sample_times` of a window.
         window: the one to begin with.
         times: where the signal is wanted (m,) [s]; None: all over the window.
-        tolerance: largest truncation error.
+        tolerance: truncation error from which on no refinement is wanted.
         groups: how many channels are of one kind (inputs, states, outputs).
 
-    Raises RedesignError where it stays above `tolerance` with as many frequencies as are tried.
+    Raises RedesignError where the attained error is above both `tolerance` and USELESS.
     """
-    values = samples(window)
+    if window.harmonics > PROMPT_HARMONICS:  # far-apart time scales: let the measured error say how much bandwidth it takes
+        window = FourierWindow(window.start, window.length, PROMPT_HARMONICS)
+    values, before = samples(window), [np.inf, np.inf]
     while True:
         at = np.linspace(window.start, window.end, 2 * window.harmonics + 1) if times is None else times
+        finer = (window.lengthened(), window.widened())
+        finer_values = [samples(each) for each in finer]
         here, peak = window.interpolate(values, at), _peaks(values, groups)
-        longer, wider = window.lengthened(), window.widened()
-        longer_values, wider_values = samples(longer), samples(wider)
-        window_error = float(np.max(np.abs(longer.interpolate(longer_values, at) - here) / peak))
-        bandwidth_error = float(np.max(np.abs(wider.interpolate(wider_values, at) - here) / peak))
-        if window_error + bandwidth_error <= tolerance:
-            return at, here, window_error + bandwidth_error
-        if longer.harmonics > MAX_HARMONICS:
-            raise RedesignError(
-                f"the redesign is truncated by {window_error:.1e} (window of {window.length:.4g} s) and {bandwidth_error:.1e} "
-                f"(bandwidth of {2 * np.pi * window.harmonics / window.length:.4g} rad/s) of its peak, more than the tolerance "
-                f"{tolerance:.1e}, and {MAX_HARMONICS} frequencies are not enough for less; accept a larger tolerance, use a "
-                "smoother reference or more input weight R, or, with constant weights, the redesign in the time domain"
-            )
-        window, values = (longer, longer_values) if window_error > bandwidth_error else (wider, wider_values)
+        changes = [each.interpolate(value, at) - here for each, value in zip(finer, finer_values, strict=True)]
+        errors = [float(np.max(np.abs(change) / peak)) for change in changes]
+        error = sum(errors)
+        if error <= tolerance:
+            return Refined(at, here + changes[0] + changes[1], error, ())
+        if window.harmonics >= PROMPT_HARMONICS and _doublings(errors, before, tolerance) > np.log2(
+            MAX_HARMONICS / window.harmonics
+        ):
+            break
+        longer = int(errors[1] > errors[0])
+        before[longer] = errors[longer]
+        window, values = finer[longer], finer_values[longer]
+    attained = (
+        f"truncated by {error:.1e} of its peak, more than the tolerance {tolerance:.1e}: twice the window ({window.length:.4g} s) "
+        f"still changes it by {errors[0]:.1e}, twice the bandwidth ({window.bandwidth:.4g} rad/s) by {errors[1]:.1e}"
+    )
+    if error > USELESS:
+        raise RedesignError(
+            f"the redesign is {attained}, and refinement does not lead below {USELESS:g}; use "
+            + ("weights that change less abruptly with frequency" if errors[0] > errors[1] else "a smoother reference")
+            + ", more input weight R, or, with constant weights, quadratic_redesign"
+        )
+    reasons = (
+        "it dies out slowly in time, as where a weight changes abruptly with frequency",
+        "its spectrum falls off slowly, as where a reference is not smooth",
+    )
+    why = (reason for reason, each in zip(reasons, errors, strict=True) if each > NOT_ALONE * error)
+    return Refined(at, here + changes[0] + changes[1], error, ("; ".join([attained, *why]),))
+
+
+def _doublings(errors: Sequence[float], before: Sequence[float], tolerance: float) -> float:
+    """How many more doublings of window and bandwidth, in all, lead to the tolerance if each does what the last one did.
+
+    before: the errors before the last doubling of each kind, infinite where there was none: then one may be enough.
+    """
+    wanted, total = tolerance / 2, 0.0
+    for now, earlier in zip(errors, before, strict=True):
+        if now > wanted:
+            gain = np.log(earlier / now)
+            total += np.inf if gain <= 0 else float(max(1.0, np.ceil(np.log(now / wanted) / gain)))
+    return total
 
 
 def _peaks(values: Array, groups: Sequence[int]) -> Array:
@@ -168,7 +247,8 @@ def rate_spectrum(reference: PiecewiseSignal, w: Array, origin: float) -> Comple
         pieces = np.flatnonzero(reference.kind[1:-1] == index) + 1  # piece j from t_(j-1) to t_j
         if norm > 0 and pieces.size:
             slow = np.abs(w) < QUADRATURE_FACTOR * norm
-            result[slow] += _by_quadrature(reference, index, pieces, w[slow], origin)
+            if np.any(slow):
+                result[slow] += _by_quadrature(reference, index, pieces, w[slow], origin)
             result[~slow] += _by_resolvent(reference, index, pieces, w[~slow], origin)
     return result
 

@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from invtrack.arrays import Array, ComplexArray, real_matrix
 from invtrack.errors import RedesignError
 from invtrack.linear.state_space import StateSpace
-from invtrack.redesign.cost import FrequencyWeight
 from invtrack.redesign.prefilter.fourier import FourierWindow
+from invtrack.redesign.prefilter.frequency_weight import FrequencyWeight
 
 AXIS_TOLERANCE = 1e-7
 """A pole of the optimum counts as on the axis where its real part is below this share of the fastest: it is a double one there."""
@@ -135,22 +135,31 @@ def factoring_gain(model: StateSpace, given: ArrayLike | None = None) -> Array:
 
 
 def time_scales(response: OptimalResponse, probes: Array) -> tuple[float, float]:
-    """Slowest decay [1/s] and fastest pole [rad/s] of the optimum; weights that vary are taken at the frequencies `probes`.
+    """Slowest decay [1/s] and fastest pole [rad/s] of the optimum.
+
+    Weights that vary are taken as they are at each of the frequencies `probes`, which increase from zero; the poles that this gives
+    say something about the optimum where they are near that frequency, between its neighbours.
 
     Raises RedesignError where constant weights leave a pole of the optimum on the imaginary axis.
     """
     model = response.model
+    own = np.linalg.eigvals(model.A - model.B @ response.K)
     if response.Q_y.is_zero:
-        own = np.linalg.eigvals(model.A - model.B @ response.K)
         return float(-np.max(own.real)), float(np.max(np.abs(own)))
-    constant = all(weight.is_constant for weight in (response.R, response.Q_x, response.Q_y))
-    families = [response.poles(float(w)) for w in (probes[:1] if constant else probes)]
-    if constant:
-        _require_off_axis(families[0])
-    poles = np.concatenate(families)
+    if all(weight.is_constant for weight in (response.R, response.Q_x, response.Q_y)):
+        poles = response.poles(0.0)
+        _require_off_axis(poles)
+    else:
+        families = [response.poles(float(w)) for w in probes]
+        lower, upper = np.append(0.0, probes[:-1]), np.append(probes[1:], np.inf)
+        sizes = [np.abs(family) for family in families]
+        near = [
+            family[(size >= low) & (size <= high)] for family, size, low, high in zip(families, sizes, lower, upper, strict=True)
+        ]
+        poles = np.concatenate(near)
     stable = poles[-poles.real > AXIS_TOLERANCE * np.max(np.abs(poles), initial=0.0)]
     if stable.size == 0:
-        stable = np.linalg.eigvals(model.A - model.B @ response.K)
+        stable = own
     return float(np.min(-stable.real)), float(np.max(np.abs(stable)))
 
 
@@ -164,15 +173,15 @@ def require_strictly_proper(response: OptimalResponse, bandwidth: float) -> None
         )
 
 
-def impulse_samples(response: OptimalResponse, window: FourierWindow) -> Array:
-    """Samples of [g_u; g_x; g_f] (samples, (p + n + p) p) on a window about time 0.
+def impulse_samples(stacked: ComplexArray, window: FourierWindow) -> Array:
+    """Samples of [g_u; g_x; g_f] (samples, (p + n + p) p) on a window about time 0, of the response at its frequencies.
 
     The kernels may jump or have kinks at time 0, so that their transforms fall slowly. What the transform is at the band's edge is
     taken out as a two-sided exponential, whose kernel is known: j b w / (c^2 + w^2) belongs to -b sgn(t) exp(-c |t|) / 2, and
     b / (c^2 + w^2) to b exp(-c |t|) / (2 c).
     """
     w = window.frequencies
-    G = response(w).stacked.reshape(len(w), -1)
+    G = stacked.reshape(len(w), -1)
     edge = w[-1]
     c = 40.0 / window.length * np.sqrt(window.harmonics / 40.0 + 1.0)  # dies out within the window, far below the band's edge
     odd, even = G[-1].imag * (c**2 + edge**2) / edge, G[-1].real * (c**2 + edge**2)

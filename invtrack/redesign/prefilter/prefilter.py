@@ -12,8 +12,8 @@ from invtrack.arrays import Array, ComplexArray, real_numbers, require_share
 from invtrack.errors import RedesignError, TrajectoryError
 from invtrack.linear.switched import as_switched
 from invtrack.plans.problem import require_reference
-from invtrack.redesign.cost import FREE_HOLDING, WeightLike, frequency_weight, without_rounding
-from invtrack.redesign.prefilter.fourier import FourierWindow, rate_spectrum, refine
+from invtrack.redesign.cost import FREE_HOLDING, without_rounding
+from invtrack.redesign.prefilter.fourier import FourierWindow, OncePerFrequency, rate_spectrum, refine
 from invtrack.redesign.prefilter.frequency_response import (
     FrequencyResponse,
     OptimalResponse,
@@ -22,6 +22,7 @@ from invtrack.redesign.prefilter.frequency_response import (
     require_strictly_proper,
     time_scales,
 )
+from invtrack.redesign.prefilter.frequency_weight import WeightLike, frequency_weight
 from invtrack.references.signal import PiecewiseSignal
 
 ZERO_TOLERANCE = 1e-12
@@ -29,6 +30,9 @@ ZERO_TOLERANCE = 1e-12
 
 REST_TOLERANCE = 1e-9
 """Largest change of the reference outside its manoeuvre, as a share of its size, that counts as holding still."""
+
+PROBES = 10.0 ** np.arange(-3.0, 2.1, 0.5)
+"""Frequencies at which weights that vary are looked at beforehand, in multiples of the plant's fastest pole; and zero."""
 
 BANDWIDTH_FACTOR = 8.0
 """First guess of the bandwidth, in multiples of the fastest pole."""
@@ -44,7 +48,8 @@ class PrefilteredTrajectory:
         x: states (m, n), as deviations from the operating point.
         y: outputs (m, p), absolute.
         y_d: the wanted outputs (m, p), absolute.
-        truncation_error: what doubling the window and doubling the bandwidth change, as a share of each channel's peak.
+        truncation_error: what the last doubling of the window and of the bandwidth changed, as a share of each channel's peak.
+        remarks: what a user should know, for instance that the tolerance was not met, and why.
     """
 
     time: Array
@@ -53,6 +58,7 @@ class PrefilteredTrajectory:
     y: Array
     y_d: Array
     truncation_error: float
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +73,8 @@ class ImpulseResponse:
         g_u: kernel of the inputs (m, p, p).
         g_x: kernel of the states (m, n, p).
         g_f: kernel of the outputs (m, p, p).
-        truncation_error: what doubling window and bandwidth change, as a share of each kernel's peak.
+        truncation_error: what the last doubling of window and bandwidth changed, as a share of each kernel's peak.
+        remarks: what a user should know, for instance that the tolerance was not met, and why.
     """
 
     time: Array
@@ -75,9 +82,20 @@ class ImpulseResponse:
     g_x: Array
     g_f: Array
     truncation_error: float
+    remarks: tuple[str, ...] = ()
 
     def preview_time(self, level: float) -> float:
-        """How long [s] before time 0 the kernel of some input first exceeds `level` of that input's peak; 0 where it never does."""
+        """How long [s] before time 0 the kernel of some input first exceeds `level` of that input's peak; 0 where it never does.
+
+        Raises RedesignError for a level outside 0 ... 1, and for one that the truncation error hides.
+        """
+        require_share("level", level, error=RedesignError)
+        if self.truncation_error > level / 2:
+            raise RedesignError(
+                f"the kernel is truncated by {self.truncation_error:.1e} of its peak, which hides when it stays below {level:g} of "
+                f"it; ask for a level above {2 * self.truncation_error:.1e} or for a smaller tolerance, or use weights that change "
+                "less abruptly with frequency"
+            )
         size = np.max(np.abs(self.g_u), axis=2)  # (m, p)
         above = np.any(size > level * np.max(size, axis=0), axis=1) & (self.time < 0)
         return float(-self.time[above][0]) if np.any(above) else 0.0
@@ -125,24 +143,31 @@ class Prefilter:
     def impulse_response(self, times: ArrayLike | None = None, *, tolerance: float = 1e-4) -> ImpulseResponse:
         """The kernels g_u, g_x, g_f (y_opt = g_f * y_d, by convolution) at times (m,) [s], by default over all of the window.
 
-        Raises RedesignError where `tolerance`, the largest truncation error as a share of each peak, cannot be met, and where a
-        kernel contains an impulse itself (D not zero, or R = 0), for which there are no samples.
+        `tolerance` is the truncation error aimed at, as a share of each peak. Weights that change abruptly with frequency make
+        kernels that die out only as a power of time; where it is not met, `remarks` says so.
+
+        Raises RedesignError where the attained error is above 1e-2 (and above `tolerance`), and where a kernel contains an impulse
+        itself (D not zero, or R = 0), for which there are no samples.
         """
         require_strictly_proper(self.response, self.bandwidth)
         reach = self._reach(tolerance)
         wanted = None if times is None else _finite("times", times)
-        window = FourierWindow.covering(-reach, reach, self.bandwidth)
-        time, values, error = refine(
-            lambda window: impulse_samples(self.response, window), window, wanted, tolerance, self._groups()
+        response = OncePerFrequency(lambda w: self.response(w).stacked)
+        found = refine(
+            lambda window: impulse_samples(response(window.frequencies), window),
+            FourierWindow.covering(-reach, reach, self.bandwidth),
+            wanted,
+            tolerance,
+            self._groups(),
         )
         p, n = self.response.model.n_channels, self.response.model.n_states
-        g_u, g_x, g_f = np.split(values.reshape(len(time), p + n + p, p), [p, p + n], axis=1)
-        return ImpulseResponse(time, g_u, g_x, g_f, error)
+        g_u, g_x, g_f = np.split(found.values.reshape(len(found.times), p + n + p, p), [p, p + n], axis=1)
+        return ImpulseResponse(found.times, g_u, g_x, g_f, found.truncation_error, found.remarks)
 
     def preview_time(self, level: float = 0.01) -> float:
         """How long [s] before the reference the input has to start: before that its kernel stays below `level` of its peak.
 
-        Raises RedesignError for a level outside 0 ... 1, and as `impulse_response` does.
+        Raises RedesignError as `impulse_response` and its `preview_time` do.
         """
         require_share("level", level, error=RedesignError)
         return self.impulse_response(tolerance=min(1e-3, level / 10)).preview_time(level)
@@ -155,8 +180,12 @@ class Prefilter:
         The rate of the reference is filtered and the result integrated, with the change over all of time known from the response at
         w = 0: a reference that ends elsewhere than it began is not wrapped around.
 
+        `tolerance` is the truncation error aimed at, as a share of each channel's peak. Weights that change abruptly with frequency
+        make optima that die out only as a power of time, before and after the manoeuvre; where it is not met, `truncation_error`
+        says what was attained and `remarks` why.
+
         Raises TrajectoryError for a reference of other channels or not at rest outside its manoeuvre; RedesignError where holding
-        its first or last value costs something for ever, and where `tolerance` cannot be met.
+        its first or last value costs something for ever, and where the attained error is above 1e-2 (and above `tolerance`).
         """
         model = self.response.model
         require_reference(model, reference)
@@ -166,17 +195,27 @@ class Prefilter:
         initial = (self.response(np.zeros(1)).stacked[0].real @ held[0]).astype(float)
         start, end = reference.manoeuvre
         reach = self._reach(tolerance)
+        spectrum = OncePerFrequency(
+            lambda w: np.asarray(np.einsum("mij,mj->mi", self.response(w).stacked, rate_spectrum(reference, w, start)))
+        )
 
         def samples(window: FourierWindow) -> Array:
             w = window.frequencies
-            rate = np.einsum("mij,mj->mi", self.response(w).stacked, rate_spectrum(reference, w, window.start))
-            return window.integrate(rate, initial)
+            return window.integrate(spectrum(w) * np.exp(1j * w * (window.start - start))[:, None], initial)
 
         window = FourierWindow.covering(start - reach, end + reach, self.bandwidth)
-        time, values, error = refine(samples, window, None if times is None else _finite("times", times), tolerance, self._groups())
-        u, x, y = np.split(values, [model.n_channels, model.n_channels + model.n_states], axis=1)
+        found = refine(samples, window, None if times is None else _finite("times", times), tolerance, self._groups())
+        u, x, y = np.split(found.values, [model.n_channels, model.n_channels + model.n_states], axis=1)
         point = model.operating_point
-        return PrefilteredTrajectory(time, u + point.u0, x, y + point.y0, reference(time), error)
+        return PrefilteredTrajectory(
+            time=found.times,
+            u=u + point.u0,
+            x=x,
+            y=y + point.y0,
+            y_d=reference(found.times),
+            truncation_error=found.truncation_error,
+            remarks=found.remarks,
+        )
 
     def _reach(self, tolerance: float) -> float:
         """Distance [s] over which the slowest pole decays to less than the tolerance."""
@@ -231,7 +270,7 @@ def prefilter(
     n, p = system.n_states, system.n_channels
     K = factoring_gain(system, stabilizing_gain)
     scale = float(np.max(np.abs(np.linalg.eigvals(system.A - system.B @ K))))
-    probes = scale * np.array([0.0, 0.1, 1.0, 10.0])
+    probes = np.append(0.0, scale * PROBES)
     response = OptimalResponse(
         system,
         frequency_weight("R", R, p, probes),
