@@ -1,0 +1,104 @@
+"""One draw planned and judged, and counts of many."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from invtrack.errors import InvtrackError
+from invtrack.inversion.exact import invert
+from tests.random_draws.invariant_zeros import judged
+from tests.random_draws.plants import drawn_plant
+from tests.random_draws.shooting import contradiction
+
+WRONG = 1e-6
+"""A plan is wrong where the independent integration contradicts it by more than this share of the terms' size."""
+
+Kind = Literal[
+    "plan right",
+    "plan wrong",
+    "refused, no solution",
+    "refused, in the band",
+    "refused, reason not confirmed",
+    "refused though solvable",
+    "refused",
+    "accepted",
+    "malformed, yet accepted",
+    "endless",
+    "foreign exception",
+]
+"""Of plans, of refusals by what an independent judgement makes of them, and of malformed calls."""
+
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+REASONS = {"on the axis": ("NonHyperbolicError",), "degenerate": ("RelativeDegreeError",)}
+"""What a refusal must be called where an independent judgement finds that there is no inverse."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one draw.
+
+    Args:
+        number: of the draw.
+        family: what was drawn.
+        kind: what came of it.
+        detail: class and first words of an exception, or which condition a wrong plan misses.
+        worst: the plan's contradiction; 0 without a plan.
+        seconds: how long it took.
+    """
+
+    number: int
+    family: str
+    kind: Kind
+    detail: str = ""
+    worst: float = 0.0
+    seconds: float = 0.0
+
+
+def plant_outcome(seed: int, number: int) -> Outcome:
+    """Draw a plant, plan its exact inverse, judge what comes."""
+    begin = time.perf_counter()
+    drawn = drawn_plant(seed, number)
+    judgement = judged(drawn.unit)
+
+    def attempt() -> tuple[Kind, str, float]:
+        plan = invert(drawn.model, drawn.reference)
+        found = contradiction(plan, [drawn.unit], np.zeros(0), drawn.units, zeros=judgement.zeros)
+        return ("plan right", "", found.worst) if found.worst <= WRONG else ("plan wrong", str(found), found.worst)
+
+    kind, detail, worst = judged_attempt(attempt, judgement.verdict)
+    return Outcome(number, drawn.family, kind, detail, worst, time.perf_counter() - begin)
+
+
+def judged_attempt(attempt: Callable[[], tuple[Kind, str, float]], verdict: str) -> tuple[Kind, str, float]:
+    """What `attempt` finds of a plan; of a refusal, what the independent verdict on the draw makes of it."""
+    try:
+        return attempt()
+    except InvtrackError as refusal:
+        name = type(refusal).__name__
+        detail = f"{name}: {str(refusal)[:160]}"
+        if verdict == "solvable":
+            return "refused though solvable", detail, 0.0
+        if verdict == "band":
+            return "refused, in the band", detail, 0.0
+        return (
+            ("refused, no solution" if name in REASONS[verdict] else "refused, reason not confirmed"),
+            f"{verdict}; {detail}",
+            0.0,
+        )
+    except Exception as fault:
+        return "foreign exception", f"{type(fault).__name__}: {str(fault)[:160]}", 0.0
+
+
+def counted(outcomes: Iterable[Outcome]) -> dict[str, Counter[Kind]]:
+    """How often each kind came of each family."""
+    table: dict[str, Counter[Kind]] = {}
+    for outcome in outcomes:
+        table.setdefault(outcome.family, Counter())[outcome.kind] += 1
+    return table

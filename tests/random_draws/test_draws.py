@@ -1,0 +1,110 @@
+"""A small draw of what `python -m tests.random_draws` does at length, and the judges themselves put to the test."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from invtrack.inversion.exact import invert
+from invtrack.linear.state_space import StateSpace
+from invtrack.references.profiles import rest_to_rest
+from tests.linear.random_plants import assert_same_set, block, plant_with
+from tests.random_draws.invariant_zeros import Judgement, judged
+from tests.random_draws.outcomes import WRONG, plant_outcome
+from tests.random_draws.plants import Matrices, Units, drawn_plant
+from tests.random_draws.shooting import Contradiction, contradiction
+
+NONMINIMUM_PHASE = Matrices(*(np.array(M) for M in ([[0.0, 1.0], [-2.0, -3.0]], [[0.0], [1.0]], [[1.0, -1.0]], [[0.0]])))
+"""(1 - s) / (s^2 + 3 s + 2): a zero at 1."""
+
+
+def matrices(system: StateSpace) -> Matrices:
+    return Matrices(system.A, system.B, system.C, system.D)
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_a_plan_is_right_and_a_refusal_has_its_reason(number: int) -> None:
+    outcome = plant_outcome(7, number)
+    if outcome.kind == "refused though solvable" and outcome.detail.startswith("RelativeDegreeError: no vector relative degree"):
+        return  # plants without a vector relative degree are not served
+    assert outcome.kind in ("plan right", "refused, no solution", "refused, in the band"), outcome
+
+
+def test_a_draw_depends_on_its_number_alone() -> None:
+    first, again = drawn_plant(3, 17), drawn_plant(3, 17)
+    assert np.array_equal(first.model.A, again.model.A)
+    assert np.array_equal(first.reference(1.0), again.reference(1.0))
+
+
+def test_units_change_no_digit() -> None:
+    drawn = drawn_plant(3, 17)
+    back = drawn.model.A * drawn.units.x / drawn.units.x[:, None]
+    assert np.array_equal(back, drawn.unit.A)
+
+
+ZEROS = {"distinct": [-1.0, 0.3 + 2j, 5.0], "near": [1e-7 + 1j, -2.0], "repeated": [-1.0, -1.0]}
+
+
+@pytest.mark.parametrize("zeros", ZEROS.values(), ids=ZEROS)
+@pytest.mark.parametrize("degrees", [(1,), (3, 1), (2, 4, 2)])
+def test_zeros_known_by_construction_are_found(degrees: tuple[int, ...], zeros: list[complex]) -> None:
+    plant = plant_with(np.random.default_rng(1), degrees, block(*zeros))
+    mixed = replace(matrices(plant), C=np.triu(np.ones((len(degrees),) * 2)) @ plant.C)  # loses its vector relative degree
+    for which in (matrices(plant), mixed):
+        judgement = judged(which)
+        assert_same_set(judgement.zeros, np.linalg.eigvals(block(*zeros)), 1e-9)
+        assert judgement.verdict == "solvable"
+        assert judgement.highest == max(degrees)
+
+
+@pytest.mark.parametrize(
+    ("plant", "verdict"),
+    [
+        (NONMINIMUM_PHASE, "solvable"),
+        (replace(NONMINIMUM_PHASE, C=np.array([[1.0, 0.0]])), "solvable"),  # no zero
+        (replace(NONMINIMUM_PHASE, C=np.array([[0.0, 1.0]])), "on the axis"),  # a zero at the origin
+        (replace(NONMINIMUM_PHASE, C=np.array([[1e-15, 1.0]])), "on the axis"),
+        (replace(NONMINIMUM_PHASE, C=np.array([[1e-13, 1.0]])), "band"),
+        (replace(NONMINIMUM_PHASE, C=np.array([[1e-10, 1.0]])), "solvable"),
+        (replace(NONMINIMUM_PHASE, B=np.zeros((2, 1))), "degenerate"),
+        (Matrices(-np.eye(2), np.eye(2), np.ones((2, 2)), np.zeros((2, 2))), "degenerate"),  # both outputs are the same
+        (Matrices(-np.eye(2), np.eye(2), np.eye(2), np.ones((2, 2))), "solvable"),  # feedthrough of rank one
+    ],
+)
+def test_verdicts(plant: Matrices, verdict: str) -> None:
+    assert judged(plant).verdict == verdict
+
+
+def one(size: int) -> Units:
+    return Units(np.ones(size), np.ones(1), np.ones(1))
+
+
+def missed(plant: Matrices, planned_for: Matrices, judgement: Judgement) -> Contradiction:
+    model = StateSpace(planned_for.A, planned_for.B, planned_for.C, planned_for.D)
+    plan = invert(model, rest_to_rest(0.0, 1.0, 2.0, smoothness=3))
+    return contradiction(plan, [plant], np.zeros(0), one(len(plant.A)), zeros=judgement.zeros)
+
+
+def test_a_plan_of_another_plant_is_contradicted() -> None:
+    """By as much as the plants differ: 1e-4 in the stiffness, in the input's gain, in the output."""
+    judgement = judged(NONMINIMUM_PHASE)
+    assert missed(NONMINIMUM_PHASE, NONMINIMUM_PHASE, judgement).worst < 1e-9
+    A, B, C = NONMINIMUM_PHASE.A.copy(), NONMINIMUM_PHASE.B * 1.0001, NONMINIMUM_PHASE.C * 1.0001
+    A[1, 0] *= 1.0001
+    for which in ("A", "B"):
+        found = missed(replace(NONMINIMUM_PHASE, **{which: {"A": A, "B": B}[which]}), NONMINIMUM_PHASE, judgement)
+        assert WRONG < found.dynamics < 1e-4
+        assert found.output < 1e-9
+    found = missed(replace(NONMINIMUM_PHASE, C=C), NONMINIMUM_PHASE, judgement)
+    assert found.output > WRONG
+    assert found.dynamics < 1e-9
+
+
+@pytest.mark.parametrize("seconds", [1e-3, -1e-3])
+def test_a_plan_that_is_late_is_contradicted(seconds: float) -> None:
+    plan = invert(StateSpace(*(getattr(NONMINIMUM_PHASE, name) for name in "ABCD")), rest_to_rest(0.0, 1.0, 2.0))
+    late = replace(plan, trajectory=replace(plan.trajectory, breakpoints=plan.trajectory.breakpoints + seconds))
+    found = contradiction(late, [NONMINIMUM_PHASE], np.zeros(0), one(2), zeros=np.array([1.0 + 0j]))
+    assert found.output > WRONG
