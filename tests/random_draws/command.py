@@ -15,7 +15,8 @@ from pathlib import Path
 
 import tyro
 
-from tests.random_draws.outcomes import KINDS, Kind, Outcome, counted, plant_outcome
+from tests.random_draws.calls import call_outcome
+from tests.random_draws.outcomes import KINDS, Kind, Outcome, counted, plant_outcome, switched_outcome
 
 REFUSED_AT_MOST = 1e-3
 """Largest share of the draws that are solvable by a margin which may be refused."""
@@ -44,7 +45,7 @@ class Draws:
     json: Path | None = None
 
 
-SEQUENCES: dict[str, Callable[[int, int], Outcome]] = {"plants": plant_outcome}
+SEQUENCES: dict[str, Callable[[int, int], Outcome]] = {"plants": plant_outcome, "switched": switched_outcome, "calls": call_outcome}
 
 
 def main(arguments: list[str] | None = None) -> int:

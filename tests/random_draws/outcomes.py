@@ -13,8 +13,10 @@ import numpy as np
 from invtrack.errors import InvtrackError
 from invtrack.inversion.exact import invert
 from tests.random_draws.invariant_zeros import judged
+from tests.random_draws.jump_conditions import judged_jumps
 from tests.random_draws.plants import drawn_plant
 from tests.random_draws.shooting import contradiction
+from tests.random_draws.switched_plants import drawn_jumps
 
 WRONG = 1e-6
 """A plan is wrong where the independent integration contradicts it by more than this share of the terms' size."""
@@ -36,7 +38,12 @@ Kind = Literal[
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
-REASONS = {"on the axis": ("NonHyperbolicError",), "degenerate": ("RelativeDegreeError",)}
+REASONS = {
+    "on the axis": "NonHyperbolicError",
+    "degenerate": "RelativeDegreeError",
+    "incompatible": "CompatibilityError",
+    "unbounded": "BoundednessError",
+}
 """What a refusal must be called where an independent judgement finds that there is no inverse."""
 
 
@@ -76,6 +83,21 @@ def plant_outcome(seed: int, number: int) -> Outcome:
     return Outcome(number, drawn.family, kind, detail, worst, time.perf_counter() - begin)
 
 
+def switched_outcome(seed: int, number: int) -> Outcome:
+    """Draw a plant that jumps, plan its exact inverse, judge what comes."""
+    begin = time.perf_counter()
+    drawn = drawn_jumps(seed, number)
+    judgement = judged_jumps(drawn)
+
+    def attempt() -> tuple[Kind, str, float]:
+        plan = invert(drawn.model, drawn.reference)
+        found = contradiction(plan, drawn.plants, drawn.switch_times, drawn.units, zeros=judgement.zeros)
+        return ("plan right", "", found.worst) if found.worst <= WRONG else ("plan wrong", str(found), found.worst)
+
+    kind, detail, worst = judged_attempt(attempt, judgement.verdict)
+    return Outcome(number, drawn.family, kind, detail, worst, time.perf_counter() - begin)
+
+
 def judged_attempt(attempt: Callable[[], tuple[Kind, str, float]], verdict: str) -> tuple[Kind, str, float]:
     """What `attempt` finds of a plan; of a refusal, what the independent verdict on the draw makes of it."""
     try:
@@ -88,7 +110,7 @@ def judged_attempt(attempt: Callable[[], tuple[Kind, str, float]], verdict: str)
         if verdict == "band":
             return "refused, in the band", detail, 0.0
         return (
-            ("refused, no solution" if name in REASONS[verdict] else "refused, reason not confirmed"),
+            ("refused, no solution" if name == REASONS[verdict] else "refused, reason not confirmed"),
             f"{verdict}; {detail}",
             0.0,
         )

@@ -1,0 +1,174 @@
+"""Whether a reference can be followed through jumps, judged by least squares on the states at the jumps.
+
+The conditions are those of Devasia, Paden, Rossi 1996, Lemma 1: nothing but what the past leaves before the first jump, outputs and
+derivatives as wanted after each, the flow of the tracking dynamics in between, and no antistable part in the end. They are few and
+the durations short, so one dense matrix with the transitions as they are holds them all.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+import scipy.linalg
+
+from invtrack.arrays import Array, ComplexArray
+from tests.random_draws.invariant_zeros import judged
+from tests.random_draws.plants import Matrices
+from tests.random_draws.switched_plants import LEAST_DISTANCE, DrawnJumps
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+MET = 1e-9
+"""Conditions are met where the least miss is no larger than this share of their right sides' and the solution's size..."""
+
+MISSED = 1e-5
+"""...and missed from this one on. Between the two rounding decides."""
+
+JumpVerdict = Literal["solvable", "band", "incompatible", "unbounded"]
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingDynamics:
+    """x' = A_y x + B_r y_d^(r) of a plant whose outputs follow y_d, and the rows C* of outputs and derivatives below the r-th."""
+
+    plant: Matrices
+    degrees: tuple[int, ...]
+
+    @cached_property
+    def rows(self) -> list[Array]:
+        """C_i A^k for k = 0 ... r_i of each output (r_i + 1, n)."""
+        A, C = self.plant.A, self.plant.C
+        powers = [np.linalg.matrix_power(A, k) for k in range(max(self.degrees) + 1)]
+        return [np.array([C[i] @ powers[k] for k in range(r + 1)]) for i, r in enumerate(self.degrees)]
+
+    @cached_property
+    def star(self) -> Array:
+        """C*, (rho, n)."""
+        return np.vstack([rows[:-1] for rows in self.rows])
+
+    @cached_property
+    def law(self) -> tuple[Array, Array]:
+        """A_y (n, n) and B_r (n, p)."""
+        B_y = np.array([rows[-2] @ self.plant.B for rows in self.rows])
+        A_x = np.array([rows[-1] for rows in self.rows])
+        G = np.linalg.inv(B_y)
+        return self.plant.A - self.plant.B @ G @ A_x, self.plant.B @ G
+
+    def wanted(self, drawn: DrawnJumps, t: float) -> Array:
+        """Y_d (rho,): the values that C* x must have, in the units in which the plants were drawn."""
+        return np.concatenate([[self._derivative(drawn, t, k)[i] for k in range(r)] for i, r in enumerate(self.degrees)])
+
+    def highest(self, drawn: DrawnJumps, t: float) -> Array:
+        """y_d^(r) (p,)."""
+        return np.array([self._derivative(drawn, t, r)[i] for i, r in enumerate(self.degrees)])
+
+    @staticmethod
+    def _derivative(drawn: DrawnJumps, t: float, order: int) -> Array:
+        return np.asarray(drawn.reference(t, derivative=order)) / drawn.units.y
+
+    def flow(self, drawn: DrawnJumps, start: float, end: float) -> tuple[Array, Array]:
+        """exp(A_y (end - start)), and the integral of exp(A_y (end - s)) B_r y_d^(r)(s) ds."""
+        A_y, B_r = self.law
+        Phi, f = np.eye(len(A_y)), np.zeros(len(A_y))
+        stops = np.unique([start, end, *(t for t in (0.0, drawn.duration) if start < t < end)])
+        for a, b in itertools.pairwise(stops):
+            h = (b - a) / np.ceil((b - a) / 0.25)
+            for left in np.arange(a, b - h / 2, h):
+                step = scipy.linalg.expm(A_y * h)
+                drive = sum(
+                    w * h / 2 * scipy.linalg.expm(A_y * h * (1 - c) / 2) @ B_r @ self.highest(drawn, left + h * (1 + c) / 2)
+                    for c, w in zip(NODES, WEIGHTS, strict=True)
+                )
+                Phi, f = step @ Phi, step @ f + drive
+        return Phi, f
+
+    def left_invariant(self, *, antistable: bool) -> Array:
+        """Rows L (k, n) with L A_y = M L, M antistable, or with the other eigenvalues."""
+        A_y, _ = self.law
+        half = LEAST_DISTANCE / 2
+        _, Q, k = scipy.linalg.schur(A_y.T, sort=lambda re, im: (re > half) == antistable)
+        return np.asarray(Q[:, :k].T)
+
+
+@dataclass(frozen=True, eq=False)
+class JumpJudgement:
+    """The verdict, and the zeros of all intervals (k,)."""
+
+    verdict: JumpVerdict
+    zeros: ComplexArray
+
+
+def judged_jumps(drawn: DrawnJumps) -> JumpJudgement:
+    """Whether a bounded continuous state keeps the output exact, and if not, whether the jumps or the ends forbid it."""
+    judgements = [judged(plant) for plant in drawn.plants]
+    zeros = np.concatenate([judgement.zeros for judgement in judgements])
+    ends = (judgements[0], judgements[-1])
+    clear = all(j.verdict == "solvable" and np.all(np.abs(j.zeros.real) > LEAST_DISTANCE) for j in ends)
+    if not clear:
+        return JumpJudgement("band", zeros)
+    dynamics = [TrackingDynamics(plant, degrees) for plant, degrees in zip(drawn.plants, drawn.degrees, strict=True)]
+    inner = [*_past(drawn, dynamics[0]), *_inner(drawn, dynamics)]
+    every = _state([*inner, *_future(drawn, dynamics[-1])])
+    if every == "met":
+        return JumpJudgement("solvable", zeros)
+    without_end = _state(inner)
+    if every == "unclear" or without_end == "unclear":
+        return JumpJudgement("band", zeros)
+    return JumpJudgement("unbounded" if without_end == "met" else "incompatible", zeros)
+
+
+Condition = tuple[Array, Array]
+"""M (k, N n) and b (k,) of M [x_1; ...; x_N] = b for the states at the jumps."""
+
+
+def _placed(block: Array, jump: int, drawn: DrawnJumps) -> Array:
+    n = block.shape[1]
+    row = np.zeros((len(block), n * len(drawn.switch_times)))
+    row[:, n * jump : n * (jump + 1)] = block
+    return row
+
+
+def _past(drawn: DrawnJumps, first: TrackingDynamics) -> list[Condition]:
+    """But for the antistable part, what the wanted output has made of rest by the first jump."""
+    L = first.left_invariant(antistable=False)
+    t = float(drawn.switch_times[0])
+    reached = first.flow(drawn, 0.0, t)[1] if t > 0 else np.zeros(L.shape[1])
+    return [(_placed(L, 0, drawn), L @ reached)]
+
+
+def _inner(drawn: DrawnJumps, dynamics: list[TrackingDynamics]) -> list[Condition]:
+    times = drawn.switch_times.tolist()
+    found = []
+    for k, t in enumerate(times):
+        new = dynamics[k + 1]
+        found.append((_placed(new.star, k, drawn), new.wanted(drawn, t)))
+        if k + 1 < len(times):
+            Phi, f = new.flow(drawn, t, times[k + 1])
+            found.append((_placed(np.eye(len(f)), k + 1, drawn) - _placed(Phi, k, drawn), f))
+    return found
+
+
+def _future(drawn: DrawnJumps, last: TrackingDynamics) -> list[Condition]:
+    """No antistable part in the distance from the equilibrium, once the motion is over."""
+    t = float(drawn.switch_times[-1])
+    Phi, f = last.flow(drawn, t, max(t, drawn.duration))
+    L, plant = last.left_invariant(antistable=True), last.plant
+    held = np.concatenate([np.zeros(len(f)), np.asarray(drawn.reference(drawn.duration + 9.0)) / drawn.units.y])
+    rest = np.linalg.solve(np.block([[plant.A, plant.B], [plant.C, plant.D]]), held)[: len(f)]
+    return [(_placed(L @ Phi, len(drawn.switch_times) - 1, drawn), L @ (rest - f))]
+
+
+def _state(conditions: list[Condition]) -> Literal["met", "missed", "unclear"]:
+    M, b = np.vstack([M for M, _ in conditions]), np.concatenate([b for _, b in conditions])
+    unit = np.linalg.norm(M, axis=1)
+    keep = unit > 0
+    M, b = M[keep] / unit[keep, None], b[keep] / unit[keep]
+    x, _, _, values = np.linalg.lstsq(M, b, rcond=1e-10)
+    if np.any((values < 1e-7 * values[0]) & (values > 1e-12 * values[0])):
+        return "unclear"
+    miss = float(np.max(np.abs(M @ x - b)) / max(float(np.max(np.abs(b))), np.finfo(float).tiny))
+    return "met" if miss <= MET * max(1.0, float(np.max(np.abs(x)))) else "missed" if miss >= MISSED else "unclear"

@@ -1,0 +1,320 @@
+"""A right call of every public function and class, from which malformed ones are made by replacing an argument."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+import invtrack
+from invtrack import control, figures, inversion, linear, plans, plant, recording, redesign, references, regulation, results
+from invtrack import simulation, studies
+from tests.synthetic_runs import two_mode_run
+
+ROOMS = (
+    "control",
+    "figures",
+    "inversion",
+    "linear",
+    "plans",
+    "plant",
+    "recording",
+    "redesign",
+    "references",
+    "regulation",
+    "results",
+    "simulation",
+    "studies",
+)
+
+NOT_DOORS = {
+    # what functions return; nobody makes one by hand
+    *("Certificate", "Plan", "PolynomialSegments", "PreactuationBound", "SampledPlan", "Samples", "Tail", "Trajectory"),
+    *("TwoSidedSegments", "NormalForm", "Zero", "ZeroReport", "BoundaryConditions", "Candidate", "FeasibilityReport"),
+    *("IntervalReport", "JumpReport", "Modification", "ModifiedTrajectory", "TradeOff", "TradeOffPoint", "ActiveLimit"),
+    *("ConstrainedTrajectory", "FrequencyResponse", "ImpulseResponse", "Outcome", "Prefilter", "PrefilteredTrajectory"),
+    *("ReferenceReport", "InadmissibleState", "RegulationCertificate", "RegulationMap", "Regulator", "Event", "RunResult"),
+    *("Signal", "SimulatedPlant", "LinearStepper", "LinearStageInput", "OutputFeedbackLaw", "AffineLaw", "DifferenceLaw"),
+    *("Instants", "Configuration", "Session", "InvtrackError", "DivergedError", "MissingError"),
+    # protocols, aliases and what only its own tests make
+    *("Controller", "Law", "Observer", "PlanFollower", "Parameter", "StageInput", "Stepper", "Line", "Cell", "Rows"),
+    # of studies: made of functions, checked where the study runs
+    *("Case", "Setup", "Study", "Table"),
+}
+"""Public names that are not called with what a user hands over."""
+
+
+@dataclass(frozen=True)
+class Call:
+    """A function or class, and arguments by name with which it succeeds; `open` are those that take any object at all."""
+
+    function: Callable[..., Any]
+    arguments: dict[str, Any]
+    open: frozenset[str] = frozenset()
+
+
+def call(function: Callable[..., Any], *, free: tuple[str, ...] = (), **arguments: Any) -> Call:
+    """A `Call`."""
+    return Call(function, arguments, frozenset(free))
+
+
+@lru_cache(maxsize=1)
+def valid_calls() -> dict[str, Call]:
+    """By name: those of the rooms under their own, methods as "class.method". Files are written to the working folder."""
+    A, B, C = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([[0.0], [1.0]]), np.array([[3.0, 1.0]])
+    model = invtrack.StateSpace(A, B, C)
+    antistable = invtrack.StateSpace(A, B, np.array([[2.0, -1.0]]))
+    jumping = invtrack.SwitchedSystem([model, invtrack.StateSpace(A * 1.1, B, C)], [0.5])
+    slew = invtrack.rest_to_rest(0.0, 1.0, 1.0)
+    bump = invtrack.raised_cosine(1.0, period=1.0)
+    plan = invtrack.invert(model, slew)
+    sway = references.sinusoidal_exosystem([1.0], start=0.0, end=2 * np.pi)
+    maps = invtrack.exosystem_map(model, sway)
+    gains = invtrack.lqr(model, Q=1.0, R=1.0)
+    run = invtrack.simulate(invtrack.LinearPlant(model), invtrack.TrackingController(plan, gains), timestep=0.05, end=12.0)
+    vibrating = two_mode_run()
+    rig = invtrack.Plant.from_xml(invtrack.model_path("cantilever"), inputs=["base_force"], outputs=["tip_position"])
+    weights = {"R": 1.0, "Q_y": 10.0}
+    prefilter = redesign.prefilter(invtrack.StateSpace(A, B, np.array([[1.0, 0.0]])), **weights)
+    trade_off = redesign.pareto_sweep(model, bump, weights=[weights])
+    luenberger = control.LuenbergerObserver([-4.0, -5.0])
+    times, values = np.linspace(0.0, 1.0, 12), np.linspace(0.0, 1.0, 12) ** 2
+    Path("reference.csv").write_text("time,y\n" + "\n".join(f"{t},{v}" for t, v in zip(times, values, strict=True)), encoding="utf-8")
+    plans.export_plan(plan, "plan.csv", rate=50.0)
+    recording.save_recording(vibrating, "run.rrd")
+    figure = figures.plan_figure(plan)
+    response = prefilter.frequency_response(np.array([0.5, 2.0]))
+    w = np.array([0.5, 2.0])
+    modified = {"real_part": 4.0, "axis_distance": 100.0, "error_poles": [-3.0]}
+    line = (times, values)
+    table: dict[str, Call] = {
+        # top
+        "Channels": call(invtrack.Channels, names=["a", "b"], units=["m", "N"]),
+        "Channels.index": call(invtrack.Channels(["a"]).index, name="a"),
+        "Channels.subset": call(invtrack.Channels(["a"]).subset, names=["a"]),
+        "Channels.with_units": call(invtrack.Channels(["a"]).with_units, units={"a": "m"}),
+        # linear
+        "StateSpace": call(
+            invtrack.StateSpace, A=A, B=B, C=C, D=np.zeros((1, 1)), states=["a", "b"], inputs=["u"], outputs=["y"],
+            operating_point=model.operating_point, measurement=model.measurement, parameters={"m": 1.0}, error_estimates={"A": 0.0},
+        ),
+        "StateSpace.transformed": call(model.transformed, T=np.array([[1.0, 1.0], [0.0, 1.0]]), states=["a", "b"]),
+        "OperatingPoint": call(linear.OperatingPoint, x0=np.zeros(2), u0=np.zeros(1), y0=np.zeros(1)),
+        "Measurement": call(linear.Measurement, C=C, D=np.zeros((1, 1)), channels=["y"], y0=np.zeros(1)),
+        "SwitchedSystem": call(invtrack.SwitchedSystem, systems=[model, model], switch_times=[0.5]),
+        "SwitchedSystem.interval": call(jumping.interval, t=[0.2, 0.7]),
+        "normal_form": call(linear.normal_form, system=model),
+        "relative_degree": call(linear.relative_degree, system=model),
+        "zeros": call(linear.zeros, system=model),
+        "zero_report": call(linear.zero_report, system=model),
+        "format_zeros": call(linear.format_zeros, zeros=[1.0 + 2.0j], size=1.0),
+        "slowest_flexible_period": call(linear.slowest_flexible_period, A=A),
+        # references
+        "rest_to_rest": call(invtrack.rest_to_rest, start=0.0, end=1.0, duration=1.0, smoothness=2, start_time=0.0),
+        "raised_cosine": call(invtrack.raised_cosine, peak=1.0, period=1.0, cycles=1, start_time=0.0),
+        "constant": call(references.constant, value=1.0, at=0.0),
+        "autonomous": call(references.autonomous, S=[[0.0]], R=[[1.0]], w_0=[1.0], start=0.0, end=1.0),
+        "piecewise_polynomial": call(
+            references.piecewise_polynomial, breakpoints=[0.0, 1.0], coefficients=[[0.0, 1.0]], time_scale=1.0, held=(0.0, 1.0)
+        ),
+        "sampled_reference": call(invtrack.sampled_reference, times=times, values=values, degree=5, smoothness=2),
+        "load_reference": call(
+            invtrack.load_reference, path="reference.csv", time="time", channels=["y"], degree=5, smoothness=2
+        ),
+        "reference_report": call(references.reference_report, reference=slew, highest=4, channels=["y"]),
+        "stack": call(references.stack, signals=[slew, slew]),
+        "PiecewiseSignal": call(
+            invtrack.PiecewiseSignal, breakpoints=slew.breakpoints, generators=slew.generators, kind=slew.kind, anchors=slew.anchors
+        ),
+        "PiecewiseSignal.__call__": call(slew.__call__, t=[0.5], derivative=1, inside=[0.5]),
+        "PiecewiseSignal.shifted": call(slew.shifted, delay=1.0),
+        "PiecewiseSignal.scaled": call(slew.scaled, gain=2.0),
+        "PiecewiseSignal.refined": call(slew.refined, times=[0.5]),
+        "PiecewiseSignal.__add__": call(slew.__add__, other=slew),
+        "PiecewiseSignal.__sub__": call(slew.__sub__, other=slew),
+        "Exosystem": call(references.Exosystem, A=[np.zeros((1, 1))], C=[np.ones((1, 1))], switch_times=[], names=["w"]),
+        "Exosystem.reference": call(sway.reference, x_e=np.ones(sway.n_states), at=0.0),
+        "Exosystem.states": call(sway.states, x_e=np.ones(sway.n_states), at=0.0, t=[0.5], inside=[0.5]),
+        "Exosystem.transformed": call(sway.transformed, T=np.eye(sway.n_states), names=["a", "b", "c"][: sway.n_states]),
+        "Exosystem.weighted": call(sway.weighted, weights=np.ones(sway.n_states)),
+        "Exosystem.shifted": call(sway.shifted, delay=1.0),
+        "exosystem": call(references.exosystem, A_e=[[0.0]], C_e=[[1.0]], start=0.0, end=1.0, outside="zero", names=["w"]),
+        "sinusoidal_exosystem": call(
+            references.sinusoidal_exosystem, frequencies=[1.0], bias=True, start=0.0, end=1.0, outside="zero", free=("bias",)
+        ),
+        "polynomial_exosystem": call(references.polynomial_exosystem, degree=2, start=0.0, end=1.0, outside="zero"),
+        "step_exosystem": call(references.step_exosystem, start=0.0, end=1.0, outside="zero"),
+        "sum_exosystems": call(references.sum_exosystems, parts=[sway, sway]),
+        "stack_exosystems": call(references.stack_exosystems, parts=[sway, sway]),
+        # plans
+        "Plan.__call__": call(plan.__call__, t=[0.5], inside=[0.5]),
+        "Plan.states": call(plan.states, t=[0.5], inside=[0.5]),
+        "Plan.inputs": call(plan.inputs, t=[0.5], inside=[0.5]),
+        "certify": call(plans.certify, model=plan.model, trajectory=plan.trajectory, reference=slew, span=(0.0, 1.0)),
+        "export_plan": call(
+            plans.export_plan, plan=plan, path="out.csv", rate=50.0, inputs="midpoint", start=-1.0, end=2.0
+        ),
+        "sampled_plan": call(plans.sampled_plan, plan=plan, rate=50.0, inputs="midpoint", start=-1.0, end=2.0),
+        "read_plan": call(plans.read_plan, path="plan.csv"),
+        "preactuation_bound": call(plans.preactuation_bound, plan=invtrack.invert(antistable, slew)),
+        # inversion
+        "invert": call(invtrack.invert, model=model, reference=slew, tolerance=1e-8, max_preactuation=3.0),
+        "feasibility": call(inversion.feasibility, model=model, reference=slew),
+        "modified_inversion": call(invtrack.modified_inversion, model=antistable, reference=slew, **modified),
+        "tune_modified_inversion": call(
+            inversion.tune_modified_inversion, model=antistable, reference=slew, preactuation=1.5,
+            axis_distance=100.0, error_poles=[-3.0],
+        ),
+        "preactuation_trade_off": call(
+            inversion.preactuation_trade_off, model=antistable, reference=slew, real_parts=[3.0],
+            axis_distance=100.0, error_poles=[-3.0],
+        ),
+        "causal_inverse": call(invtrack.causal_inverse, model=model, reference=slew),
+        "steady_state_feedforward": call(inversion.steady_state_feedforward, model=model, reference=slew),
+        # redesign
+        "Limits": call(invtrack.Limits, input=1.0, input_rate=5.0, output=2.0, states=[]),
+        "StateLimit": call(invtrack.StateLimit, name="twist", row={"x1": 1.0}, limit=2.0),
+        "quadratic_redesign": call(
+            invtrack.quadratic_redesign, model=model, reference=bump, R=1.0, Q_x=0.1, Q_y=10.0, tolerance=1e-8, max_preactuation=5.0
+        ),
+        "constrained_redesign": call(
+            invtrack.constrained_redesign, model=model, reference=bump, R=1.0, Q_x=0.1, Q_y=10.0, limits=invtrack.Limits(input=50.0)
+        ),
+        "prefilter": call(
+            redesign.prefilter, model=model, R=1.0, Q_x=0.1, Q_y=10.0, stabilizing_gain=np.zeros((1, 2))
+        ),
+        "Prefilter.frequency_response": call(prefilter.frequency_response, w=w),
+        "Prefilter.impulse_response": call(prefilter.impulse_response, times=times, tolerance=1e-3),
+        "Prefilter.preview_time": call(prefilter.preview_time, level=0.01),
+        "Prefilter.apply": call(prefilter.apply, reference=bump, times=times, tolerance=1e-4),
+        "pareto_sweep": call(
+            redesign.pareto_sweep, model=model, reference=bump, weights=[weights], quantities={"a": {"x1": 1.0}}, exact=None,
+            method=invtrack.quadratic_redesign,
+        ),
+        "TradeOff.values": call(trade_off.values, figure="max_error"),
+        "outcome": call(redesign.outcome, plan=plan, quantities={"a": {"x1": 1.0}}),
+        "cost": call(redesign.cost, plan=invtrack.invert(model, bump), R=1.0, Q_x=0.1, Q_y=10.0),
+        # regulation
+        "exosystem_map": call(invtrack.exosystem_map, model=model, exosystem=sway, tolerance=1e-8),
+        "francis": call(regulation.francis, system=model, A_e=sway.A[1], C_e=sway.C[1]),
+        "single_francis": call(regulation.single_francis, model=model, exosystem=sway, interval=0),
+        "switched_francis": call(regulation.switched_francis, model=model, exosystem=sway),
+        "RegulationMap.x_map": call(maps.x_map, t=[0.5], inside=[0.5]),
+        "RegulationMap.u_map": call(maps.u_map, t=[0.5], inside=[0.5]),
+        "RegulationMap.plan": call(maps.plan, x_e=maps.admissible[:, 0], at=0.0),
+        "RegulationMap.inadmissible_share": call(maps.inadmissible_share, x_e=maps.admissible[:, 0], at=0.0),
+        # control
+        "lqr": call(invtrack.lqr, model=model, Q=1.0, R=1.0),
+        "place": call(invtrack.place, model=model, poles=[-1.0, -2.0]),
+        "GainSchedule": call(invtrack.GainSchedule, gains=[np.zeros((1, 2))] * 2, switch_times=[0.5]),
+        "GainSchedule.interval": call(gains.interval, t=[0.5]),
+        "LuenbergerObserver": call(control.LuenbergerObserver, poles=[-4.0, -5.0]),
+        "LuenbergerObserver.gain": call(luenberger.gain, system=model, period=0.01),
+        "KalmanFilter": call(control.KalmanFilter, input_noise=0.1, measurement_noise=0.1),
+        "KalmanFilter.gain": call(control.KalmanFilter(0.1, 0.1).gain, system=model, period=0.01),
+        "ExosystemObserver": call(control.ExosystemObserver, exosystem=sway, observer=control.KalmanFilter(0.1, 0.1)),
+        "TrackingController": call(invtrack.TrackingController, plan=plan, gains=gains, period=0.01),
+        "OutputFeedbackController": call(
+            control.OutputFeedbackController, plan=plan, gains=gains, observer=luenberger, period=0.01, measurement_delay=0.0
+        ),
+        "ExosystemController": call(
+            control.ExosystemController, regulation=maps, gains=gains, exosystem_state=maps.admissible[:, 0], at=0.0, plan=None,
+            exosystem_observer=control.KalmanFilter(0.1, 0.1), initial_estimate=np.zeros(sway.n_states), reference_noise=0.1, seed=1,
+            state_observer=luenberger, period=0.01,
+        ),
+        # simulation
+        "LinearPlant": call(invtrack.LinearPlant, model=model, input_limits=[[-9.0, 9.0]], name="model", free=("name",)),
+        "Sensor": call(invtrack.Sensor, noise=0.1, quantization=0.1, delay=0.1),
+        "simulate": call(
+            invtrack.simulate, plant=invtrack.LinearPlant(model), controller=invtrack.TrackingController(plan, gains), schedule=None,
+            timestep=0.1, start=-1.0, end=2.0, evaluate="held", vibration_period=1.0, initial_state=[0.0, 0.0], sensors={}, seed=0,
+            name="run", progress=None,
+        ),
+        # results
+        "max_error": call(invtrack.max_error, result=run, wanted="reference"),
+        "rms_error": call(results.rms_error, result=run, wanted="reference"),
+        "residual_vibration": call(invtrack.residual_vibration, result=vibrating, periods=1.0, duration=1.0),
+        "state_vibration": call(results.state_vibration, result=run, names=["x1"], periods=1.0, duration=1.0),
+        "preactuation_time": call(results.preactuation_time, motion=plan, level=0.01),
+        "peak_input": call(results.peak_input, result=run),
+        "peak_commanded_input": call(results.peak_commanded_input, result=run),
+        "metrics": call(invtrack.metrics, result=vibrating, periods=1.0, duration=1.0),
+        "run_cost": call(results.run_cost, result=run, R=1.0, Q_x=0.1, Q_y=10.0, u_0=0.0, wanted=run.reference.values),
+        "RunResult.thinned": call(run.thinned, every=3),
+        # recording
+        "save_recording": call(invtrack.save_recording, results=vibrating, path="saved.rrd", application="trial"),
+        "load_recording": call(invtrack.load_recording, path="run.rrd"),
+        # figures
+        "tracking_figure": call(figures.tracking_figure, result=run, window=(0.0, 1.0)),
+        "preactuation_figure": call(figures.preactuation_figure, result=vibrating, level=0.01),
+        "comparison_figure": call(figures.comparison_figure, results=[run, run], window=(0.0, 1.0)),
+        "around_figure": call(figures.around_figure, results=[vibrating], times={"start": 1.0}, before=0.5, after=0.5),
+        "overlay_figure": call(
+            figures.overlay_figure, title="a", panels=[("y [m]", {"a": line})], wanted="a", window=(0.0, 1.0),
+            limits={"y [m]": (0.0, 1.0)},
+        ),
+        "plan_figure": call(figures.plan_figure, plans=plan, states=["x1"], window=(0.0, 1.0)),
+        "sweep_figure": call(
+            figures.sweep_figure, title="a", label="p", values=[1.0, 2.0], predicted={"a": [1.0, 2.0]}, measured={"a": [1.0, 2.0]},
+            quantity="q",
+        ),
+        "Decay": call(figures.Decay, label="e [m]", time=times, values=values, rate=1.0),
+        "decay_figure": call(figures.decay_figure, title="a", decays=[figures.Decay("e [m]", times, values + 1e-3, 1.0)]),
+        "frequency_response_figure": call(
+            figures.frequency_response_figure, title="a", w=w, curves={"G": response.G_f[:, 0, 0]}, magnitude="|G|", phase=True,
+            free=("phase",),
+        ),
+        "trade_off_figure": call(
+            figures.trade_off_figure, title="a", horizontal=("p", [1.0, 2.0]), panels=[("q", {"a": [1.0, 2.0]})], notes=["a", "b"],
+            horizontal_log=False, vertical_log=False, free=("horizontal_log", "vertical_log"),
+        ),
+        "save_figure": call(figures.save_figure, figure=figure, path="figure.png"),
+        # plant
+        "Plant": call(
+            invtrack.Plant.from_xml, path=invtrack.model_path("cantilever"), inputs=["base_force"], outputs=["tip_position"],
+            measurements=["tip_position"], drop_states=[], parameters={"tip_mass": invtrack.BodyMass("tip")}, units={}, keyframe=None,
+        ),
+        "Plant.at": call(rig.at, qpos=np.zeros(3), qvel=np.zeros(3), act=None, ctrl=np.zeros(1), keyframe=None),
+        "Plant.coordinates_of": call(rig.coordinates_of, x=rig.operating_point.x0),
+        "BodyMass": call(invtrack.BodyMass, body="tip"),
+        "JointStiffness": call(invtrack.JointStiffness, joint="base"),
+        "JointDamping": call(invtrack.JointDamping, joint="base"),
+        "TendonStiffness": call(invtrack.TendonStiffness, tendon="a"),
+        "TendonDamping": call(invtrack.TendonDamping, tendon="a"),
+        "Change": call(invtrack.Change, time=1.0, tip_mass=2.0),
+        "linearize": call(
+            invtrack.linearize, plant=rig, step=1e-4, equilibrium_tolerance=1e-6, allow_nonequilibrium=False,
+            free=("allow_nonequilibrium",),
+        ),
+        "model_path": call(invtrack.model_path, name="cantilever"),
+        "with_input_limits": call(plant.with_input_limits, plant=rig, limits={"base_force": (-1.0, 1.0)}),
+        "with_coupling_scaled": call(
+            plant.with_coupling_scaled, name="velocity_coupling", scale=0.5,
+            plant=invtrack.Plant.from_xml(invtrack.model_path("two_disc"), inputs=["motor"], outputs=["disc2_angle"]),
+        ),
+        # studies
+        "StudyOptions": call(studies.StudyOptions, out=None, timestep=1e-3, case=(), seed=0, record_every=10),
+        "Column": call(studies.Column, name="max error", unit="m", key="max_error"),
+        "print_table": call(
+            studies.print_table, title="a", columns=[studies.Column("max error", "m")], rows={"a": {"max_error": 1.0}},
+            row_header="case", console=Console(file=io.StringIO()),
+        ),
+    }
+    return table
+
+
+def public_doors() -> set[str]:
+    """Every class and function at the top and in the rooms' faces that is called with what a user hands over."""
+    members = {name: getattr(invtrack, name) for name in invtrack.__all__}
+    for room in ROOMS:
+        module = importlib.import_module(f"invtrack.{room}")
+        members |= {name: getattr(module, name) for name in module.__all__}
+    return {name for name, member in members.items() if inspect.isclass(member) or inspect.isfunction(member)} - NOT_DOORS
