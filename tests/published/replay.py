@@ -1,0 +1,118 @@
+"""Integration of a plant under a plan's input, independent of how the plan was found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.plans.plan import Plan
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+STAGES = 12
+"""Gauss points of a step: the method has order 24."""
+
+STEP = 1.0
+"""Longest step, in units of 1 / |z| of the zeros z whose motion is still felt at its place."""
+
+FADED = 32.0
+"""At this many time constants 1 / |Re z| from the nearest breakpoint a mode is no longer felt."""
+
+GROWTH = 6.0
+"""An unstable plant is started anew from the planned state before errors have grown to exp of this."""
+
+IDLE = 1e-10
+"""A state that stays below this share of the largest one is idle, and measured against that."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """How far the integrated motion is from what the plan promises.
+
+    output_error: largest distance of an output from the wanted one, as a share of the largest |C| |x| + |D| |u|.
+    state_error: largest distance of a state from the planned one, as a share of its peak.
+    stretches: how many there are; a plant that is not unstable is integrated in one, from rest at the plan's start to its end.
+    """
+
+    output_error: float
+    state_error: float
+    stretches: int
+
+
+def replay(plan: Plan, zeros: Complex) -> Replay:
+    """Integrate x' = A x + B u under the plan's input by Gauss collocation, in steps that suit the plant's zeros [rad/s].
+
+    Of a step in which an unstable plant would outgrow its start, only the end is taken.
+    """
+    (system,) = plan.model.distinct
+    A, B, C, D = system.A, system.B, system.C, system.D
+    nodes, inner_weights, weights = _gauss()
+    unstable = max(float(np.max(np.linalg.eigvals(A).real)), 0.0)
+    starts, ends = _steps(plan, zeros)
+    from_rest = starts[0]
+    starts = np.maximum(starts, ends - 1 / unstable) if unstable > 0 else starts
+    lengths, middle = ends - starts, np.repeat((starts + ends) / 2, STAGES)
+    times = (starts[:, None] + lengths[:, None] * nodes).ravel()
+    u = plan.inputs(times, inside=middle).reshape(len(starts), STAGES, -1)
+    wanted = plan.reference(times, inside=middle).reshape(len(starts), STAGES, -1)
+    planned, planned_end, driven = plan.states(starts), plan.states(ends), u @ B.T
+    x, since, reached, stretches = np.zeros(len(A)), from_rest, from_rest, 1
+    begun, rates, ended = np.empty_like(planned), np.empty((len(starts), STAGES, len(A))), np.empty_like(planned)
+    solvers: dict[str, Array] = {}
+    for k, h in enumerate(lengths):
+        if starts[k] > reached or unstable * (ends[k] - since) > GROWTH:
+            x, since, stretches = planned[k], starts[k], stretches + 1
+        length = f"{h:.11e}"  # steps that differ by rounding share their factors
+        if length not in solvers:
+            solvers[length] = np.linalg.inv(np.eye(STAGES * len(A)) - h * np.kron(inner_weights, A))
+        begun[k], rates[k] = x, (solvers[length] @ (driven[k] + A @ x).ravel()).reshape(STAGES, -1)
+        ended[k] = x = x + h * weights @ rates[k]
+        reached = ends[k]
+    inner = begun[:, None] + lengths[:, None, None] * (inner_weights @ rates)
+    output_error = np.max(np.abs(inner @ C.T + u @ D.T - wanted), axis=(0, 1))
+    terms = np.max(np.abs(inner) @ np.abs(C).T + np.abs(u) @ np.abs(D).T, axis=(0, 1))
+    peak = np.max(np.abs(planned), axis=0)
+    size = np.where(peak > IDLE * np.max(peak), peak, np.max(peak))
+    return Replay(float(np.max(output_error / terms)), float(np.max(np.abs(ended - planned_end) / size)), stretches)
+
+
+def _gauss() -> tuple[Array, Array, Array]:
+    """Nodes c_i in (0, 1), the integrals from 0 to c_i of the Lagrange polynomials (i, j), and those from 0 to 1."""
+    nodes, weights = np.polynomial.legendre.leggauss(STAGES)
+    series = np.linalg.inv(np.polynomial.legendre.legvander(nodes, STAGES - 1))  # column j: the Lagrange polynomial of node j
+    integrals = np.polynomial.legendre.legval(nodes, np.polynomial.legendre.legint(series, lbnd=-1)).T
+    return (nodes + 1) / 2, integrals / 2, weights / 2
+
+
+def _steps(plan: Plan, zeros: Complex) -> tuple[Array, Array]:
+    """Starts and ends of steps from the plan's start to its end, none across a breakpoint."""
+    corners = np.unique(np.concatenate([[plan.start], plan.breakpoints, [plan.end]]))
+    edges = [corners[:1]]
+    for left, right in pairwise(corners):
+        distances = _distances(right - left, zeros)
+        ways = []
+        if left in plan.breakpoints:
+            ways.append(left + distances)
+        if right in plan.breakpoints:
+            ways.append(right - distances)
+        if len(ways) == 2:
+            middle = (left + right) / 2
+            ways = [ways[0][ways[0] < middle], ways[1][ways[1] > middle], np.array([middle])]
+        inner = np.sort(np.concatenate(ways))
+        edges += [inner[(inner > left) & (inner < right)], np.array([right])]
+    all_edges = np.concatenate(edges)
+    return all_edges[:-1], all_edges[1:]
+
+
+def _distances(length: float, zeros: Complex) -> Array:
+    """Distances from a breakpoint at which steps end, up to the whole length."""
+    reach, distances = 0.0, []
+    while reach < length:
+        felt = np.abs(zeros.real) * reach < FADED
+        reach += min(length / 8, STEP / float(np.max(np.abs(zeros[felt]), initial=STEP / length)))
+        distances.append(reach)
+    return np.array(distances)
