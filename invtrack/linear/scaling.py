@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg.lapack
+import scipy.sparse
 import scipy.sparse.csgraph
 from numpy.typing import NDArray
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, Indices
 from invtrack.linear.switched import SwitchedSystem
 
 LARGEST_SCALE = 2.0**60
@@ -27,11 +28,17 @@ def balancing_scale(M: Array, *, within_parts: bool = False) -> Array:
     if not M.size:
         return np.ones(0)
     if within_parts:
-        _, part = scipy.sparse.csgraph.connected_components(M, directed=True, connection="strong")
+        part = _parts(M)
         M = np.where(part[:, None] == part, M, 0.0)
     _, _, _, scale, _ = scipy.linalg.lapack.dgebal(M, scale=1, permute=0)
     exponent = np.log2(scale)
     return np.asarray(np.clip(np.exp2(np.rint(exponent - np.median(exponent))), 1 / LARGEST_SCALE, LARGEST_SCALE))
+
+
+def _parts(M: Array) -> Indices:
+    """The part that each index is in (q,): indices of a part act on each other both ways, however weakly."""
+    # The pattern as a sparse matrix: of a dense one, scipy takes entries below 1e-8 for none.
+    return np.asarray(scipy.sparse.csgraph.connected_components(scipy.sparse.csr_array(M != 0), connection="strong")[1])
 
 
 def pace_of(M: Array) -> float:
@@ -60,8 +67,7 @@ def unit_ratios(plant: SwitchedSystem) -> Array:
     """
     A, B, C = (np.max([np.abs(getattr(system, name)) for system in plant.distinct], axis=0) for name in "ABC")
     loop, n = _loop(A, B, C), len(A)
-    _, part = scipy.sparse.csgraph.connected_components(loop, directed=True, connection="strong")
-    scale, part = balancing_scale(loop, within_parts=True)[:n], part[:n]
+    scale, part = balancing_scale(loop, within_parts=True)[:n], _parts(loop)[:n]
     return np.asarray(np.where(part[:, None] == part, scale[:, None] / scale, 0.0))
 
 

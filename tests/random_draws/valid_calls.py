@@ -87,7 +87,9 @@ def valid_calls() -> dict[str, Call]:
     trade_off = redesign.pareto_sweep(model, bump, weights=[weights])
     luenberger = control.LuenbergerObserver([-4.0, -5.0])
     times, values = np.linspace(0.0, 1.0, 12), np.linspace(0.0, 1.0, 12) ** 2
-    Path("reference.csv").write_text("time,y\n" + "\n".join(f"{t},{v}" for t, v in zip(times, values, strict=True)), encoding="utf-8")
+    Path("reference.csv").write_text(
+        "time,y\n" + "\n".join(f"{t},{v}" for t, v in zip(times, values, strict=True)), encoding="utf-8"
+    )
     plans.export_plan(plan, "plan.csv", rate=50.0)
     recording.save_recording(vibrating, "run.rrd")
     figure = figures.plan_figure(plan)
@@ -103,8 +105,18 @@ def valid_calls() -> dict[str, Call]:
         "Channels.with_units": call(invtrack.Channels(["a"]).with_units, units={"a": "m"}),
         # linear
         "StateSpace": call(
-            invtrack.StateSpace, A=A, B=B, C=C, D=np.zeros((1, 1)), states=["a", "b"], inputs=["u"], outputs=["y"],
-            operating_point=model.operating_point, measurement=model.measurement, parameters={"m": 1.0}, error_estimates={"A": 0.0},
+            invtrack.StateSpace,
+            A=A,
+            B=B,
+            C=C,
+            D=np.zeros((1, 1)),
+            states=["a", "b"],
+            inputs=["u"],
+            outputs=["y"],
+            operating_point=model.operating_point,
+            measurement=model.measurement,
+            parameters={"m": 1.0},
+            error_estimates={"A": 0.0},
         ),
         "StateSpace.transformed": call(model.transformed, T=np.array([[1.0, 1.0], [0.0, 1.0]]), states=["a", "b"]),
         "OperatingPoint": call(linear.OperatingPoint, x0=np.zeros(2), u0=np.zeros(1), y0=np.zeros(1)),
@@ -126,9 +138,7 @@ def valid_calls() -> dict[str, Call]:
             references.piecewise_polynomial, breakpoints=[0.0, 1.0], coefficients=[[0.0, 1.0]], time_scale=1.0, held=(0.0, 1.0)
         ),
         "sampled_reference": call(invtrack.sampled_reference, times=times, values=values, degree=5, smoothness=2),
-        "load_reference": call(
-            invtrack.load_reference, path="reference.csv", time="time", channels=["y"], degree=5, smoothness=2
-        ),
+        "load_reference": call(invtrack.load_reference, path="reference.csv", time="time", channels=["y"], degree=5, smoothness=2),
         "reference_report": call(references.reference_report, reference=slew, highest=4, channels=["y"]),
         "stack": call(references.stack, signals=[slew, slew]),
         "PiecewiseSignal": call(
@@ -159,9 +169,7 @@ def valid_calls() -> dict[str, Call]:
         "Plan.states": call(plan.states, t=[0.5], inside=[0.5]),
         "Plan.inputs": call(plan.inputs, t=[0.5], inside=[0.5]),
         "certify": call(plans.certify, model=plan.model, trajectory=plan.trajectory, reference=slew, span=(0.0, 1.0)),
-        "export_plan": call(
-            plans.export_plan, plan=plan, path="out.csv", rate=50.0, inputs="midpoint", start=-1.0, end=2.0
-        ),
+        "export_plan": call(plans.export_plan, plan=plan, path="out.csv", rate=50.0, inputs="midpoint", start=-1.0, end=2.0),
         "sampled_plan": call(plans.sampled_plan, plan=plan, rate=50.0, inputs="midpoint", start=-1.0, end=2.0),
         "read_plan": call(plans.read_plan, path="plan.csv"),
         "preactuation_bound": call(plans.preactuation_bound, plan=invtrack.invert(antistable, slew)),
@@ -170,12 +178,20 @@ def valid_calls() -> dict[str, Call]:
         "feasibility": call(inversion.feasibility, model=model, reference=slew),
         "modified_inversion": call(invtrack.modified_inversion, model=antistable, reference=slew, **modified),
         "tune_modified_inversion": call(
-            inversion.tune_modified_inversion, model=antistable, reference=slew, preactuation=1.5,
-            axis_distance=100.0, error_poles=[-3.0],
+            inversion.tune_modified_inversion,
+            model=antistable,
+            reference=slew,
+            preactuation=1.5,
+            axis_distance=100.0,
+            error_poles=[-3.0],
         ),
         "preactuation_trade_off": call(
-            inversion.preactuation_trade_off, model=antistable, reference=slew, real_parts=[3.0],
-            axis_distance=100.0, error_poles=[-3.0],
+            inversion.preactuation_trade_off,
+            model=antistable,
+            reference=slew,
+            real_parts=[3.0],
+            axis_distance=100.0,
+            error_poles=[-3.0],
         ),
         "causal_inverse": call(invtrack.causal_inverse, model=model, reference=slew),
         "steady_state_feedforward": call(inversion.steady_state_feedforward, model=model, reference=slew),
@@ -188,15 +204,18 @@ def valid_calls() -> dict[str, Call]:
         "constrained_redesign": call(
             invtrack.constrained_redesign, model=model, reference=bump, R=1.0, Q_x=0.1, Q_y=10.0, limits=invtrack.Limits(input=50.0)
         ),
-        "prefilter": call(
-            redesign.prefilter, model=model, R=1.0, Q_x=0.1, Q_y=10.0, stabilizing_gain=np.zeros((1, 2))
-        ),
+        "prefilter": call(redesign.prefilter, model=model, R=1.0, Q_x=0.1, Q_y=10.0, stabilizing_gain=np.zeros((1, 2))),
         "Prefilter.frequency_response": call(prefilter.frequency_response, w=w),
         "Prefilter.impulse_response": call(prefilter.impulse_response, times=times, tolerance=1e-3),
         "Prefilter.preview_time": call(prefilter.preview_time, level=0.01),
         "Prefilter.apply": call(prefilter.apply, reference=bump, times=times, tolerance=1e-4),
         "pareto_sweep": call(
-            redesign.pareto_sweep, model=model, reference=bump, weights=[weights], quantities={"a": {"x1": 1.0}}, exact=None,
+            redesign.pareto_sweep,
+            model=model,
+            reference=bump,
+            weights=[weights],
+            quantities={"a": {"x1": 1.0}},
+            exact=None,
             method=invtrack.quadratic_redesign,
         ),
         "TradeOff.values": call(trade_off.values, figure="max_error"),
@@ -226,17 +245,37 @@ def valid_calls() -> dict[str, Call]:
             control.OutputFeedbackController, plan=plan, gains=gains, observer=luenberger, period=0.01, measurement_delay=0.0
         ),
         "ExosystemController": call(
-            control.ExosystemController, regulation=maps, gains=gains, exosystem_state=maps.admissible[:, 0], at=0.0, plan=None,
-            exosystem_observer=control.KalmanFilter(0.1, 0.1), initial_estimate=np.zeros(sway.n_states), reference_noise=0.1, seed=1,
-            state_observer=luenberger, period=0.01,
+            control.ExosystemController,
+            regulation=maps,
+            gains=gains,
+            exosystem_state=maps.admissible[:, 0],
+            at=0.0,
+            plan=None,
+            exosystem_observer=control.KalmanFilter(0.1, 0.1),
+            initial_estimate=np.zeros(sway.n_states),
+            reference_noise=0.1,
+            seed=1,
+            state_observer=luenberger,
+            period=0.01,
         ),
         # simulation
         "LinearPlant": call(invtrack.LinearPlant, model=model, input_limits=[[-9.0, 9.0]], name="model", free=("name",)),
         "Sensor": call(invtrack.Sensor, noise=0.1, quantization=0.1, delay=0.1),
         "simulate": call(
-            invtrack.simulate, plant=invtrack.LinearPlant(model), controller=invtrack.TrackingController(plan, gains), schedule=None,
-            timestep=0.1, start=-1.0, end=2.0, evaluate="held", vibration_period=1.0, initial_state=[0.0, 0.0], sensors={}, seed=0,
-            name="run", progress=None,
+            invtrack.simulate,
+            plant=invtrack.LinearPlant(model),
+            controller=invtrack.TrackingController(plan, gains),
+            schedule=None,
+            timestep=0.1,
+            start=-1.0,
+            end=2.0,
+            evaluate="held",
+            vibration_period=1.0,
+            initial_state=[0.0, 0.0],
+            sensors={},
+            seed=0,
+            name="run",
+            progress=None,
         ),
         # results
         "max_error": call(invtrack.max_error, result=run, wanted="reference"),
@@ -258,29 +297,56 @@ def valid_calls() -> dict[str, Call]:
         "comparison_figure": call(figures.comparison_figure, results=[run, run], window=(0.0, 1.0)),
         "around_figure": call(figures.around_figure, results=[vibrating], times={"start": 1.0}, before=0.5, after=0.5),
         "overlay_figure": call(
-            figures.overlay_figure, title="a", panels=[("y [m]", {"a": line})], wanted="a", window=(0.0, 1.0),
+            figures.overlay_figure,
+            title="a",
+            panels=[("y [m]", {"a": line})],
+            wanted="a",
+            window=(0.0, 1.0),
             limits={"y [m]": (0.0, 1.0)},
         ),
         "plan_figure": call(figures.plan_figure, plans=plan, states=["x1"], window=(0.0, 1.0)),
         "sweep_figure": call(
-            figures.sweep_figure, title="a", label="p", values=[1.0, 2.0], predicted={"a": [1.0, 2.0]}, measured={"a": [1.0, 2.0]},
+            figures.sweep_figure,
+            title="a",
+            label="p",
+            values=[1.0, 2.0],
+            predicted={"a": [1.0, 2.0]},
+            measured={"a": [1.0, 2.0]},
             quantity="q",
         ),
         "Decay": call(figures.Decay, label="e [m]", time=times, values=values, rate=1.0),
         "decay_figure": call(figures.decay_figure, title="a", decays=[figures.Decay("e [m]", times, values + 1e-3, 1.0)]),
         "frequency_response_figure": call(
-            figures.frequency_response_figure, title="a", w=w, curves={"G": response.G_f[:, 0, 0]}, magnitude="|G|", phase=True,
+            figures.frequency_response_figure,
+            title="a",
+            w=w,
+            curves={"G": response.G_f[:, 0, 0]},
+            magnitude="|G|",
+            phase=True,
             free=("phase",),
         ),
         "trade_off_figure": call(
-            figures.trade_off_figure, title="a", horizontal=("p", [1.0, 2.0]), panels=[("q", {"a": [1.0, 2.0]})], notes=["a", "b"],
-            horizontal_log=False, vertical_log=False, free=("horizontal_log", "vertical_log"),
+            figures.trade_off_figure,
+            title="a",
+            horizontal=("p", [1.0, 2.0]),
+            panels=[("q", {"a": [1.0, 2.0]})],
+            notes=["a", "b"],
+            horizontal_log=False,
+            vertical_log=False,
+            free=("horizontal_log", "vertical_log"),
         ),
         "save_figure": call(figures.save_figure, figure=figure, path="figure.png"),
         # plant
         "Plant": call(
-            invtrack.Plant.from_xml, path=invtrack.model_path("cantilever"), inputs=["base_force"], outputs=["tip_position"],
-            measurements=["tip_position"], drop_states=[], parameters={"tip_mass": invtrack.BodyMass("tip")}, units={}, keyframe=None,
+            invtrack.Plant.from_xml,
+            path=invtrack.model_path("cantilever"),
+            inputs=["base_force"],
+            outputs=["tip_position"],
+            measurements=["tip_position"],
+            drop_states=[],
+            parameters={"tip_mass": invtrack.BodyMass("tip")},
+            units={},
+            keyframe=None,
         ),
         "Plant.at": call(rig.at, qpos=np.zeros(3), qvel=np.zeros(3), act=None, ctrl=np.zeros(1), keyframe=None),
         "Plant.coordinates_of": call(rig.coordinates_of, x=rig.operating_point.x0),
@@ -291,21 +357,31 @@ def valid_calls() -> dict[str, Call]:
         "TendonDamping": call(invtrack.TendonDamping, tendon="a"),
         "Change": call(invtrack.Change, time=1.0, tip_mass=2.0),
         "linearize": call(
-            invtrack.linearize, plant=rig, step=1e-4, equilibrium_tolerance=1e-6, allow_nonequilibrium=False,
+            invtrack.linearize,
+            plant=rig,
+            step=1e-4,
+            equilibrium_tolerance=1e-6,
+            allow_nonequilibrium=False,
             free=("allow_nonequilibrium",),
         ),
         "model_path": call(invtrack.model_path, name="cantilever"),
         "with_input_limits": call(plant.with_input_limits, plant=rig, limits={"base_force": (-1.0, 1.0)}),
         "with_coupling_scaled": call(
-            plant.with_coupling_scaled, name="velocity_coupling", scale=0.5,
+            plant.with_coupling_scaled,
+            name="velocity_coupling",
+            scale=0.5,
             plant=invtrack.Plant.from_xml(invtrack.model_path("two_disc"), inputs=["motor"], outputs=["disc2_angle"]),
         ),
         # studies
         "StudyOptions": call(studies.StudyOptions, out=None, timestep=1e-3, case=(), seed=0, record_every=10),
         "Column": call(studies.Column, name="max error", unit="m", key="max_error"),
         "print_table": call(
-            studies.print_table, title="a", columns=[studies.Column("max error", "m")], rows={"a": {"max_error": 1.0}},
-            row_header="case", console=Console(file=io.StringIO()),
+            studies.print_table,
+            title="a",
+            columns=[studies.Column("max error", "m")],
+            rows={"a": {"max_error": 1.0}},
+            row_header="case",
+            console=Console(file=io.StringIO()),
         ),
     }
     return table
