@@ -24,31 +24,6 @@ def test_cantilever_zeros_are_the_printed_ones_at_any_tip_mass(tip_mass: float) 
     assert_same_set(found, [1.76534, -1.76534, 0.234538, -0.234538], 5e-6)
 
 
-@pytest.mark.parametrize(
-    ("gammas", "constants", "printed"),
-    [((0.70, 0.60), (62.0, 90.0, 23.0, 30.0), (-0.060, -0.018)), ((0.43, 0.34), (63.0, 91.0, 39.0, 56.0), (0.013, -0.057))],
-)
-def test_quadruple_tank(gammas: tuple[float, float], constants: tuple[float, ...], printed: tuple[float, float]) -> None:
-    """K. H. Johansson, "The quadruple-tank process", IEEE Trans. Control Systems Technology 8 (2000), eq. 7 and table of zeros."""
-    (g1, g2), (T1, T2, T3, T4) = gammas, constants
-    A = np.array([[-1 / T1, 0, 1 / T3, 0], [0, -1 / T2, 0, 1 / T4], [0, 0, -1 / T3, 0], [0, 0, 0, -1 / T4]])
-    B = np.array([[g1, 0], [0, g2], [0, 1 - g2], [1 - g1, 0]])
-    found = zeros(StateSpace(A, B, 0.5 * np.eye(4)[:2]))
-    # Where the outputs stand still: (1 + s T3)(1 + s T4) = (1 - g1)(1 - g2) / (g1 g2).
-    assert_same_set(found, np.roots([T3 * T4, T3 + T4, 1 - (1 - g1) * (1 - g2) / (g1 * g2)]), 1e-12)
-    assert_same_set(found, printed, 1.2e-3)
-
-
-def test_tandem_rotor_helicopter() -> None:
-    """CH-47: J. C. Doyle, G. Stein, "Multivariable feedback design", IEEE Trans. Automatic Control 26 (1981), section VI."""
-    A = [[-0.02, 0.005, 2.4, -32.0], [-0.14, 0.44, -1.3, -30.0], [0.0, 0.018, -1.6, 1.2], [0.0, 0.0, 1.0, 0.0]]
-    B = [[0.14, -0.12], [0.36, -8.6], [0.35, 0.009], [0.0, 0.0]]
-    C = [[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 57.3]]
-    # With x2 = x3 = x4 = 0 the inputs obey 0.35 u1 + 0.009 u2 = 0 and 0.36 u1 - 8.6 u2 = 0.14 x1.
-    u1, u2 = np.linalg.solve([[0.35, 0.009], [0.36, -8.6]], [0.0, 0.14])
-    assert_same_set(zeros(StateSpace(A, B, C)), [-0.02 + 0.14 * u1 - 0.12 * u2], 1e-12)
-
-
 def test_hovering_helicopter_has_one_unstable_and_one_stable_pair_near_the_axis() -> None:
     found = zeros(HE3)
     assert_same_set(found, pencil_zeros(HE3.A, HE3.B, HE3.C, HE3.D), 1e-9)
