@@ -76,7 +76,8 @@ ASTOVL = PublishedPlant(
 
 SUPERSONIC = PublishedPlant(
     "supersonic transport at Mach 2.7",
-    "IEEE Trans. Automatic Control 19 (1974), 257-258; COMPleib AC15",
+    "Computation of optimal output feedback gains for linear multivariable systems, IEEE Trans. Automatic Control 19 (1974), "
+    "257-258; COMPleib AC15",
     [[-0.037, 0.0123, 0.00055, -1], [0, 0, 1, 0], [-6.37, 0, -0.23, 0.0618], [1.25, 0, 0.016, -0.0457]],
     [[0.00084, 0.000236], [0, 0], [0.08, 0.804], [-0.0862, -0.0665]],
     [[0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]],

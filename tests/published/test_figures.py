@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from tests.published.library import NEEDS_GENERAL_INVERSE, NO_VECTOR_RELATIVE_DE
 from tests.published.mechanisms import CART_PENDULUM
 from tests.published.plant import PublishedPlant
 from tests.published.processes import DISTILLATION_LV, TANK_MINIMUM_PHASE, TANK_NONMINIMUM_PHASE
+from tests.published.table import document
 
 
 def test_there_are_plants_enough() -> None:
@@ -74,3 +77,9 @@ def test_relative_gain_of_a_high_purity_column() -> None:
     """lambda_11 = g_11 (G(0)^-1)_11 = 35.1: the input that moves the top composition alone, times its gain."""
     plan = invert(DISTILLATION_LV.square(), rest_to_rest([0.0, 0.0], [1.0, 0.0], DISTILLATION_LV.duration, smoothness=2))
     assert 0.878 * plan.inputs([plan.end])[0, 0] == pytest.approx(35.1, abs=0.05)
+
+
+def test_the_page_of_published_plants_is_up_to_date() -> None:
+    """`python -m tests.published.table > docs/published_plants.md` writes it anew."""
+    page = Path(__file__).parents[2] / "docs" / "published_plants.md"
+    assert page.read_text(encoding="utf-8") == document()
