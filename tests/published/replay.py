@@ -31,11 +31,13 @@ IDLE = 1e-10
 
 @dataclass(frozen=True)
 class Replay:
-    """How far the integrated motion is from what the plan promises.
+    """How far the integrated motion is from what the plan promises, as a share of the terms that it is the sum of.
 
-    output_error: largest distance of an output from the wanted one, as a share of the largest |C| |x| + |D| |u|.
-    state_error: largest distance of a state from the planned one, as a share of its peak.
-    stretches: how many there are; a plant that is not unstable is integrated in one, from rest at the plan's start to its end.
+    The terms of a state are the motions under each input alone and from the state in which its stretch began; those of an output
+    are |C| of them and |D| |u|. Where they cancel, even an input that is right to rounding gives no better.
+
+    output_error, state_error: largest distance of an output from the wanted one and of a state from the planned one.
+    stretches: a plant that is not unstable is integrated in one, from rest at the plan's start to its end.
     """
 
     output_error: float
@@ -50,34 +52,38 @@ def replay(plan: Plan, zeros: Complex) -> Replay:
     """
     (system,) = plan.model.distinct
     A, B, C, D = system.A, system.B, system.C, system.D
+    n, p = B.shape
     nodes, inner_weights, weights = _gauss()
     unstable = max(float(np.max(np.linalg.eigvals(A).real)), 0.0)
     starts, ends = _steps(plan, zeros)
-    from_rest = starts[0]
+    start = starts[0]
     starts = np.maximum(starts, ends - 1 / unstable) if unstable > 0 else starts
     lengths, middle = ends - starts, np.repeat((starts + ends) / 2, STAGES)
     times = (starts[:, None] + lengths[:, None] * nodes).ravel()
-    u = plan.inputs(times, inside=middle).reshape(len(starts), STAGES, -1)
-    wanted = plan.reference(times, inside=middle).reshape(len(starts), STAGES, -1)
-    planned, planned_end, driven = plan.states(starts), plan.states(ends), u @ B.T
-    x, since, reached, stretches = np.zeros(len(A)), from_rest, from_rest, 1
-    begun, rates, ended = np.empty_like(planned), np.empty((len(starts), STAGES, len(A))), np.empty_like(planned)
+    u = plan.inputs(times, inside=middle).reshape(-1, STAGES, p)
+    wanted = plan.reference(times, inside=middle).reshape(-1, STAGES, p)
+    planned, planned_end = plan.states(starts), plan.states(ends)
+    driven = np.concatenate([u[:, :, None] * B, np.zeros((*u.shape[:2], n, 1))], axis=3)  # by each input alone, and by none
+    x, since, reached, stretches = np.zeros((n, p + 1)), start, start, 1
+    begun, rates, ended = np.empty((len(starts), n, p + 1)), np.empty(driven.shape), np.empty((len(starts), n, p + 1))
     solvers: dict[str, Array] = {}
     for k, h in enumerate(lengths):
         if starts[k] > reached or unstable * (ends[k] - since) > GROWTH:
-            x, since, stretches = planned[k], starts[k], stretches + 1
+            x, since, stretches = np.column_stack([np.zeros((n, p)), planned[k]]), starts[k], stretches + 1
         length = f"{h:.11e}"  # steps that differ by rounding share their factors
         if length not in solvers:
-            solvers[length] = np.linalg.inv(np.eye(STAGES * len(A)) - h * np.kron(inner_weights, A))
-        begun[k], rates[k] = x, (solvers[length] @ (driven[k] + A @ x).ravel()).reshape(STAGES, -1)
-        ended[k] = x = x + h * weights @ rates[k]
+            solvers[length] = np.linalg.inv(np.eye(STAGES * n) - h * np.kron(inner_weights, A))
+        begun[k], free = x, (driven[k] + A @ x).reshape(STAGES * n, p + 1)
+        rates[k] = (solvers[length] @ free).reshape(STAGES, n, p + 1)
+        ended[k] = x = x + h * np.tensordot(weights, rates[k], axes=1)
         reached = ends[k]
-    inner = begun[:, None] + lengths[:, None, None] * (inner_weights @ rates)
-    output_error = np.max(np.abs(inner @ C.T + u @ D.T - wanted), axis=(0, 1))
-    terms = np.max(np.abs(inner) @ np.abs(C).T + np.abs(u) @ np.abs(D).T, axis=(0, 1))
-    peak = np.max(np.abs(planned), axis=0)
+    inner = begun[:, None] + lengths[:, None, None, None] * np.einsum("ij,kjnp->kinp", inner_weights, rates)
+    off = np.max(np.abs(inner.sum(axis=3) @ C.T + u @ D.T - wanted), axis=(0, 1))
+    x_terms = np.sum(np.abs(inner), axis=3)
+    y_terms = np.max(x_terms @ np.abs(C).T + np.abs(u) @ np.abs(D).T, axis=(0, 1))
+    peak = np.max(x_terms, axis=(0, 1))
     size = np.where(peak > IDLE * np.max(peak), peak, np.max(peak))
-    return Replay(float(np.max(output_error / terms)), float(np.max(np.abs(ended - planned_end) / size)), stretches)
+    return Replay(float(np.max(off / y_terms)), float(np.max(np.abs(ended.sum(axis=2) - planned_end) / size)), stretches)
 
 
 def _gauss() -> tuple[Array, Array, Array]:
