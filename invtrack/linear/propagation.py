@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -16,17 +18,26 @@ from invtrack.linear.scaling import balancing_scale
 NODE_ANGLE = 1 / 16
 """Distance of the nodes from which Taylor series start, times the norm of M."""
 
-TAYLOR_TERMS = 9
-"""Terms of the series: over half a node distance the first one left out is below 1e-18 of the first."""
+SPARSE = 16
+"""Where fewer times than this share a node, every so many nodes are used: longer series cost less than more nodes."""
 
-DIRECT_DIGITS = 4
-"""exp(M h 2^b) is worked out anew for this many b; from a norm of 1/2 on, squaring loses less than expm's Pade approximants."""
+LEFT_OUT = 2.0**-60
+"""The terms of a Taylor series that are left out, as a share of its first one."""
 
 LONG_STRETCH = 64
-"""Fewer times than this in a stretch are not worth a look at their spacing."""
+"""Fewer times than this in a stretch, or fewer than there are states, are not worth a look at their spacing."""
 
 CHUNK = 8192
-"""Times that are worked on together, so that their arrays stay in the processor's cache."""
+"""Times that are worked on together, at most."""
+
+CHUNK_ENTRIES = 2**17
+"""Entries of the states and values of a chunk, at most, so that its arrays stay in the processor's cache."""
+
+ENTRYWISE = 4
+"""How much longer an entry takes in a sum of arrays than in a product of matrices."""
+
+DIRECT_DIGITS = 4
+"""exp(M h 2^b) up to this b comes from its difference from 1, which loses no digits when it is doubled."""
 
 VAN_LOAN_NORM = 0.5
 """Norm up to which a Gramian is read off one exponential; beyond, that of a shorter time is doubled, which cancels nothing."""
@@ -35,28 +46,41 @@ VAN_LOAN_NORM = 0.5
 class Propagator:
     """exp(M tau) for one matrix M (q, q) and many tau >= 0 [s].
 
-    Each tau is split into a whole number of node distances h and a remainder |r| <= h / 2. The nodes' states are found by the
-    binary digits exp(M h 2^b), the way on from there by Taylor series, whose coefficients are the same for all times around a
-    node. The error does not grow with the number of times, the cost is linear in it, and exponentials that decay never overflow,
-    whatever tau.
+    Each tau is split into a whole number of node distances h, all of them or every 16th, and a remainder |r| of at most half of
+    that. The nodes' states are found by the binary digits exp(M h 2^b), the way on from there by Taylor series, whose terms are
+    the same for all times around a node. The error does not grow with the number of times, the cost is linear in it, and
+    exponentials that decay never overflow, whatever tau.
     """
 
     def __init__(self, M: Array) -> None:
         # Scales that are powers of two: balancing brings down the norm, and the number of nodes, without rounding.
         self._scale = balancing_scale(M, within_parts=True)
         self._M = M * self._scale / self._scale[:, None]
-        norm = float(np.linalg.norm(self._M, 1)) if M.size else 0.0
+        norm = _norm_bound(self._M)
         self._step = NODE_ANGLE / norm if norm > 0 else math.inf
-        self._digits = [scipy.linalg.expm(self._M * self._step * 2**bit) for bit in range(DIRECT_DIGITS)] if norm > 0 else []
+        self._digits: list[Array] = []
 
     @property
     def size(self) -> int:
         """Number of states q."""
         return len(self._M)
 
+    def matrix(self, tau: float) -> Array:
+        """exp(M tau) (q, q) for one time tau [s], not negative."""
+        q = self.size
+        if math.isinf(self._step):
+            return np.eye(q)
+        count = round(tau / self._step)
+        share = tau / self._step - count
+        result = np.eye(q) + _exponential_less_one(self._M * (self._step * share))
+        for bit in range(count.bit_length()):
+            if count >> bit & 1:
+                result = self._digit(bit) @ result
+        return self._scale[:, None] * result / self._scale
+
     def states(self, v: Array, tau: Array) -> Array:
         """exp(M tau_i) v_i for states v (m, q) and times tau (m,) [s]: (m, q)."""
-        return self.outputs(np.eye(len(self._M)), v, np.arange(len(tau)), tau)
+        return self.outputs(np.eye(self.size), v, np.arange(len(tau)), tau)
 
     def outputs(self, X: Array, v: Array, owner: Indices, tau: Array, *, resolution: float = 0.0) -> Array:
         """X exp(M tau_i) v[owner_i] at many times: (m, k).
@@ -75,77 +99,183 @@ class Propagator:
         if math.isinf(self._step):
             np.matmul(v[owner], X.T, out=result)
             return result
-        X, v = X * self._scale, v / self._scale
-        series = self._series(X)
+        rows, v = _Rows(X * self._scale, self._M * self._step), v / self._scale
+        long = max(LONG_STRETCH, self.size)
         edges = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1, [len(tau)]]) if len(tau) else np.zeros(1, dtype=int)
-        if len(tau) < LONG_STRETCH * (len(edges) - 1):
-            self._scattered(series, v, owner, tau, result)
+        if len(tau) < long * (len(edges) - 1):
+            self._scattered(rows, v, owner, tau, result)
             return result
         for first, last in itertools.pairwise(edges.tolist()):
             part = slice(first, last)
-            spacing = _even_spacing(tau[part], resolution) if last - first >= LONG_STRETCH else None
+            spacing = _even_spacing(tau[part], resolution) if last - first >= long else None
             if spacing is None:
-                self._scattered(series, v, owner[part], tau[part], result[part])
+                self._scattered(rows, v, owner[part], tau[part], result[part])
             elif spacing > 0:
-                self._even(X, series, v[owner[first]], tau[first], spacing, result[part])
+                self._even(rows.X, v[owner[first]], tau[first], spacing, result[part])
             else:
-                self._even(X, series, v[owner[first]], tau[last - 1], -spacing, result[part][::-1])
+                self._even(rows.X, v[owner[first]], tau[last - 1], -spacing, result[part][::-1])
         return result
 
-    def _even(self, X: Array, series: Array, v: Array, start: float, spacing: float, result: Array) -> None:
+    def _even(self, X: Array, v: Array, start: float, spacing: float, result: Array) -> None:
         """result[j] = X exp(M (start + j spacing)) v: the states at every B-th time, times X exp(M i spacing) for i < B."""
-        width = min(math.isqrt(len(result)) + 1, max(1, CHUNK // len(X)))
+        m, (k, q) = len(result), X.shape
+        doublings = self._doublings(spacing)
         within = X[np.newaxis]
-        while len(within) < width:
-            # Each power of two is worked out from the nodes, so that errors do not add up over the many factors of small steps.
-            ahead = self._advanced(np.eye(len(v)), np.full(len(v), len(within) * spacing, dtype=float))
-            within = np.concatenate([within, within @ ahead.T])
-        within = within[:width]
-        blocks = -(-len(result) // width)
-        starts = self._advanced(np.tile(v, (blocks, 1)), np.asarray(start + spacing * width * np.arange(blocks), dtype=float))
-        values = starts @ within.reshape(-1, len(v)).T
-        result[:] = values.reshape(blocks * width, -1)[: len(result)]
+        while 4 * len(within) ** 2 * k <= m and 2 * len(within) * k <= CHUNK:  # as many entries as there are states, about
+            within = np.concatenate([within, within @ next(doublings)])
+        blocks = -(-m // len(within))
+        states = np.empty((blocks, q))
+        states[:1] = self._carried(v[np.newaxis], np.zeros(1, dtype=np.intp), np.array([start]))
+        filled = 1
+        while filled < blocks:
+            more = min(filled, blocks - filled)
+            states[filled : filled + more] = states[:more] @ next(doublings).T
+            filled += more
+        result[:] = (states @ within.reshape(-1, q).T).reshape(-1, k)[:m]
 
-    def _advanced(self, v: Array, tau: Array) -> Array:
-        """exp(M tau_i) v_i in scaled coordinates."""
-        result = np.empty_like(v)
-        self._scattered(self._series(np.eye(len(self._M))), v, np.arange(len(v)), tau, result)
+    def _doublings(self, spacing: float) -> Iterator[Array]:
+        """exp(M 2^j spacing) for j = 0, 1, ...: what they differ from 1 by is doubled, which keeps the digits of small ones."""
+        halvings = max(0, math.ceil(math.log2(2 * NODE_ANGLE * spacing / self._step)))
+        less_one = _exponential_less_one(self._M * (spacing / 2**halvings))
+        for _ in range(halvings):
+            less_one = 2 * less_one + less_one @ less_one
+        while True:
+            yield np.eye(self.size) + less_one
+            less_one = 2 * less_one + less_one @ less_one
+
+    def _carried(self, v: Array, owner: Indices, tau: Array) -> Array:
+        """exp(M tau_i) v[owner_i] in scaled coordinates."""
+        cells = _Cells.of(tau / self._step, owner)
+        return self._summed(self._nodes(v[cells.owner], cells.count), cells)
+
+    def _scattered(self, rows: _Rows, v: Array, owner: Indices, tau: Array, result: Array) -> None:
+        k, q = rows.X.shape
+        length = min(CHUNK, max(LONG_STRETCH, CHUNK_ENTRIES // (k + q)))
+        for first in range(0, len(tau), length):
+            part = slice(first, first + length)
+            cells = _Cells.of(tau[part] / self._step, owner[part])
+            nodes = self._nodes(v[cells.owner], cells.count)
+            m, c, terms = len(cells.cell), len(nodes), cells.terms
+            summed_first = terms * (c * q * q + ENTRYWISE * m * q) + m * k * q
+            mapped_first = terms * ((c + q) * k * q + ENTRYWISE * m * k)
+            if summed_first <= mapped_first:
+                np.matmul(self._summed(nodes, cells), rows.X.T, out=result[part])
+            else:
+                result[part] = rows.values(nodes, cells)
+
+    def _summed(self, nodes: Array, cells: _Cells) -> Array:
+        """The Taylor series from the cells' nodes to the times, (m, q)."""
+        M, share = self._M.T * self._step, cells.remainder
+        term, result = nodes, nodes[cells.cell]
+        for j in range(1, cells.terms):
+            term = term @ M / j
+            result += share[:, None] ** j * term[cells.cell]
         return result
-
-    def _scattered(self, series: Array, v: Array, owner: Indices, tau: Array, result: Array) -> None:
-        for first in range(0, len(tau), CHUNK):
-            part = slice(first, first + CHUNK)
-            self._chunk(series, v, owner[part], tau[part], result[part])
-
-    def _series(self, X: Array) -> Array:
-        """X M^j h^j / j!, highest order first, side by side: (q, terms k). In units of h the remainder is within 1/2."""
-        term, terms = X, [X]
-        for j in range(1, TAYLOR_TERMS):
-            term = term @ self._M * (self._step / j)
-            terms.append(term)
-        return np.hstack([term.T for term in reversed(terms)])
-
-    def _chunk(self, series: Array, v: Array, owner: Indices, tau: Array, result: Array) -> None:
-        count = np.rint(tau / self._step)
-        remainder = (tau / self._step - count)[:, None]
-        new_cell = np.ones(len(tau), dtype=bool)
-        new_cell[1:] = (count[1:] != count[:-1]) | (owner[1:] != owner[:-1])
-        cell = np.cumsum(new_cell) - 1
-        nodes = self._nodes(v[owner[new_cell]], count[new_cell].astype(np.int64))
-        coefficients = (nodes @ series).reshape(len(nodes), TAYLOR_TERMS, -1)
-        result[:] = coefficients[cell, 0]
-        for j in range(1, TAYLOR_TERMS):
-            result *= remainder
-            result += coefficients[cell, j]
 
     def _nodes(self, v: Array, count: NDArray[np.int64]) -> Array:
         """exp(M h count_i) v_i."""
         for bit in range(int(count.max(initial=0)).bit_length()):
-            if bit == len(self._digits):
-                self._digits.append(self._digits[-1] @ self._digits[-1])
             chosen = (count >> bit) & 1 == 1
-            v[chosen] = v[chosen] @ self._digits[bit].T
+            if np.any(chosen):
+                v[chosen] = v[chosen] @ self._digit(bit).T
         return v
+
+    def _digit(self, bit: int) -> Array:
+        """exp(M h 2^bit)."""
+        if not self._digits:
+            self._digits = list(itertools.islice(self._doublings(self._step), DIRECT_DIGITS + 1))
+        while len(self._digits) <= bit:
+            self._digits.append(self._digits[-1] @ self._digits[-1])
+        return self._digits[bit]
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Times in node distances, by the cells around nodes in which neighbouring ones lie together.
+
+    Args:
+        cell: of each time (m,).
+        remainder: of each time from its cell's node (m,), within half the cells' width, 1/2 or SPARSE / 2.
+        owner, count: of each cell, whose it is and how many node distances its node lies from the start (c,).
+    """
+
+    cell: Indices
+    remainder: Array
+    owner: Indices
+    count: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, distance: Array, owner: Indices) -> _Cells:
+        wide = cls._of_width(SPARSE, distance, owner)
+        return wide if len(distance) < SPARSE * len(wide.count) else cls._of_width(1, distance, owner)
+
+    @classmethod
+    def _of_width(cls, width: int, distance: Array, owner: Indices) -> _Cells:
+        count = width * np.rint(distance / width)
+        new = np.ones(len(distance), dtype=bool)
+        new[1:] = (count[1:] != count[:-1]) | (owner[1:] != owner[:-1])
+        return cls(np.cumsum(new) - 1, distance - count, owner[new], count[new].astype(np.int64))
+
+    @cached_property
+    def terms(self) -> int:
+        """How many terms of the Taylor series the farthest time needs."""
+        return _terms(NODE_ANGLE * float(np.max(np.abs(self.remainder), initial=0.0)))
+
+
+class _Rows:
+    """X (k, q), and X M^j / j! from which values around a node follow without its states; M (q, q) in node distances."""
+
+    def __init__(self, X: Array, M: Array) -> None:
+        self.X, self._M, self._series = X, M, [X]
+
+    def values(self, nodes: Array, cells: _Cells) -> Array:
+        """X exp(M remainder_i) nodes[cell_i], (m, k)."""
+        while len(self._series) < cells.terms:
+            self._series.append(self._series[-1] @ self._M / len(self._series))
+        share = cells.remainder[:, None]
+        result = np.zeros((len(cells.cell), len(self.X)))
+        for term in reversed(self._series[: cells.terms]):
+            result *= share
+            result += (nodes @ term.T)[cells.cell]
+        return result
+
+
+def _norm_bound(M: Array) -> float:
+    """A bound on a norm of M (q, q), the smaller one of two: the largest column sum, or the 2-norm by that of M'M."""
+    if not M.size:
+        return 0.0
+    norm = float(np.linalg.norm(M, 1))
+    if norm == 0:
+        return 0.0
+    M = M / norm
+    return norm * min(1.0, math.sqrt(float(np.linalg.norm(M.T @ M, 1))))
+
+
+def _terms(norm: float) -> int:
+    """How many terms of the exponential series of a matrix with this norm, at most 1, differ from 0."""
+    terms, size = 1, norm
+    while size > LEFT_OUT:
+        terms += 1
+        size *= norm / terms
+    return terms
+
+
+def _exponential_less_one(M: Array) -> Array:
+    """exp(M) - 1 of a matrix (q, q) with a norm of at most 1/2, to the precision of its own entries.
+
+    Source: M. Paterson, L. Stockmeyer, "On the number of nonscalar multiplications necessary to evaluate polynomials", SIAM J.
+    Computing 2, 1973.
+    """
+    degree = _terms(_norm_bound(M))
+    powers = [M]
+    while len(powers) ** 2 < degree:
+        powers.append(powers[-1] @ M)
+    result = np.zeros_like(M)
+    for first in reversed(range(0, degree, len(powers))):
+        result = powers[-1] @ result if first + len(powers) < degree else result
+        for j, power in enumerate(powers[: degree - first], start=first + 1):
+            result += power / math.factorial(j)
+    return result
 
 
 def _even_spacing(tau: Array, resolution: float) -> float | None:

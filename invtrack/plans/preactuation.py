@@ -130,7 +130,14 @@ def plan_preactuation_time(plan: Plan, level: float = 0.01) -> float:
     last = int(above[-1])
     if last == len(sigma) - 1:
         return horizon
-    return float(scipy.optimize.brentq(lambda s: growth.size(np.array([s]))[0] - limit, sigma[last], sigma[last + 1]))
+
+    def excess(s: float) -> float:
+        return float(growth.size(np.array([s]))[0]) - limit
+
+    low, high = sigma[last], sigma[last + 1]
+    if excess(low) <= 0 or excess(high) >= 0:  # the crossing lies on one of the two samples, to within rounding
+        return float(min(low, high, key=lambda s: abs(excess(s))))
+    return float(scipy.optimize.brentq(excess, low, high))
 
 
 def preactuation_bound(plan: Plan) -> PreactuationBound:

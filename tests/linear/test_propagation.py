@@ -8,7 +8,7 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from invtrack.linear.propagation import flow
+from invtrack.linear.propagation import Propagator, flow
 from tests.linear.random_plants import rotation
 
 EPS = np.finfo(float).eps
@@ -96,3 +96,39 @@ def test_a_slow_mode_driven_by_a_polynomial() -> None:
     found = flow(M, np.repeat(v, 4, axis=0), tau)
     assert found[:, 1] == pytest.approx((tau / 2) ** 7, rel=1e-12)
     assert found[:, 0] == pytest.approx(z, rel=1e-12)
+
+
+@pytest.mark.parametrize(("rows", "times"), [(1, 200), (1, 5000), (30, 40), (30, 5000)])
+def test_values_do_not_depend_on_how_the_times_are_spread(rows: int, times: int) -> None:
+    """Even, dense and scattered times take different ways: each against the eigenvectors of a normal matrix."""
+    rng = np.random.default_rng(5)
+    U = rotation(rng, 12)
+    rates = rng.uniform(-3.0, 0.1, size=6) + 1j * rng.uniform(0.0, 20.0, size=6)
+    M = U @ scipy.linalg.block_diag(*([[s.real, s.imag], [-s.imag, s.real]] for s in rates)) @ U.T
+    X, v = rng.normal(size=(rows, 12)), rng.normal(size=(1, 12))
+    eigenvalues, vectors = np.linalg.eig(M)
+    spans = {"even": np.linspace(0.3, 9.0, times), "backward": np.linspace(9.0, 0.3, times), "dense": np.linspace(0, 3, times) ** 2}
+    spans["scattered"] = rng.uniform(0.0, 9.0, size=times)
+    for name, tau in spans.items():
+        expected = np.real((np.exp(np.outer(tau, eigenvalues)) * (vectors.conj().T @ v[0])) @ (X @ vectors).T)
+        found = Propagator(M).outputs(X, v, np.zeros(times, dtype=np.intp), tau, resolution=1e-14)
+        assert found == pytest.approx(expected, abs=1e-12 * np.max(np.abs(expected))), name
+
+
+@pytest.mark.parametrize("tau", [0.0, 1e-9, 0.01, 1.0, 37.0])
+def test_one_exponential(tau: float) -> None:
+    """In coordinates whose units differ by factors of up to 1e6, against scipy's."""
+    rng = np.random.default_rng(8)
+    M = rng.normal(size=(5, 5)) - 2.0 * np.eye(5)
+    scale = np.exp2(np.array([0.0, 20.0, -7.0, 3.0, 11.0]))
+    expected = scipy.linalg.expm(M * tau)
+    found = Propagator(M * scale[:, None] / scale).matrix(tau) / scale[:, None] * scale
+    assert found == pytest.approx(expected, abs=1e-12 * np.max(np.abs(expected)))
+
+
+def test_what_little_time_changes_keeps_its_digits() -> None:
+    """exp(M tau) - 1 = M tau + ... for steps far below the first node, over a long even stretch of them."""
+    M = np.array([[0.0, 1.0], [0.0, -1.0]])
+    tau = 1e-8 * np.arange(1, 101)
+    found = Propagator(M).outputs(np.eye(2)[:1], np.array([[0.0, 1.0]]), np.zeros(100, dtype=np.intp), tau)[:, 0]
+    assert found == pytest.approx(-np.expm1(-tau), rel=1e-14)
