@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from invtrack.arrays import Array
-from invtrack.linear.propagation import Propagator, flow
+from invtrack.linear.propagation import Propagator
 from invtrack.linear.scaling import pace_of
 
 SAMPLES = 2000
@@ -95,7 +95,8 @@ class Tail:
         """Largest |departure| at each distance (m,) [s], as a share of each value's peak (r,)."""
         if not self.departs:
             return np.zeros(len(distance))
-        values = np.abs(flow(self.M, np.broadcast_to(self.v, (len(distance), len(self.v))), distance) @ self.X.T)
+        departure, _ = self._propagators
+        values = np.abs(departure.outputs(self.X, self.v[np.newaxis], np.zeros(len(distance), dtype=np.intp), distance))
         size = np.maximum(peak, values.max(axis=0, initial=0.0))
         return np.asarray(np.max(values / np.where(size > 0, size, 1.0), axis=1))
 

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from invtrack.arrays import Array, Indices
-from invtrack.linear.propagation import Propagator, forced_states
+from invtrack.linear.propagation import forced_states
 from invtrack.linear.scaling import comparable_size, unit_ratios
 from invtrack.plans.boundary_value import BoundaryValueSolution, Conditions, solve
 from invtrack.plans.problem import PlanningProblem
@@ -60,9 +60,8 @@ class Stretch:
     @cached_property
     def transitions(self) -> tuple[Array, Array]:
         """E_f with z_f at the end = E_f z_f(start) + forced, and E_b with z_b at the start = E_b z_b(end) + forced."""
-        total = np.array([self.lengths.sum()])
         forward, backward = self.system.propagators
-        return _transition(forward, total), _transition(backward, total)
+        return forward.matrix(self.lengths.sum()), backward.matrix(self.lengths.sum())
 
     @cached_property
     def peak(self) -> float:
@@ -87,9 +86,10 @@ class Stretch:
 
     def outer(self, v: Array) -> tuple[Array, Array]:
         """z_f at the end of the stretch and z_b at its start."""
-        n_f = self.system.forward.size
-        E_f, E_b = self.transitions
-        return E_f @ v[:n_f] + self.forced[0][-1], E_b @ v[n_f:] + self.forced[1][0]
+        n_f, total = self.system.forward.size, np.array([self.lengths.sum()])
+        forward, backward = self.system.propagators
+        carried_f, carried_b = forward.states(v[np.newaxis, :n_f], total)[0], backward.states(v[np.newaxis, n_f:], total)[0]
+        return carried_f + self.forced[0][-1], carried_b + self.forced[1][0]
 
     def _driven(self, part: int, z: Array, w: Array, lengths: Array) -> Array:
         """z of [z; w] carried over each piece's length, (k, n_z); part 0 is the forward, 1 the backward one."""
@@ -337,9 +337,3 @@ def _conditions(
     scale = np.concatenate([row_size[:rho], np.ones(len(T) - rho)])[kept]
     conditions = Conditions(rows_left[kept] / scale[:, None], rows_right[kept] / scale[:, None], rhs[kept] / scale)
     return conditions, (worst, float(misses[worst]) if len(misses) else 0.0), float(np.max(rhs_size[kept] / scale, initial=0.0))
-
-
-def _transition(propagator: Propagator, length: Array) -> Array:
-    """exp(A length) (n, n)."""
-    n = propagator.size
-    return propagator.states(np.eye(n), np.repeat(length, n)).T
