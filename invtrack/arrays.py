@@ -27,10 +27,40 @@ SEMIDEFINITE_TOLERANCE = 1e-12
 
 def real_numbers(name: str, value: ArrayLike, *, error: Refusal = TrajectoryError) -> Array:
     """A copy as real numbers of any shape, infinite ones and NaN among them; raises `error` for anything else."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise error(f"{name} must be real numbers, got a masked array; fill in or leave out what is masked")
     try:
-        return np.array(value).astype(float, casting="same_kind")
+        given = np.array(value)
+        numbers = given.astype(float, casting="same_kind")
     except (TypeError, ValueError) as reason:
         raise error(f"{name} must be real numbers, got {value!r}: {reason}") from reason
+    if given.dtype == np.bool_:
+        raise error(f"{name} must be real numbers, got {value!r}: no numbers, but true or false")
+    return numbers
+
+
+def real_number(name: str, value: float, *, unit: str = "", error: Refusal = TrajectoryError) -> float:
+    """One real number, which may be infinite or NaN; raises `error` for anything else."""
+    number = real_numbers(name, value, error=error)
+    if number.ndim:
+        raise error(f"{name} must be one number{f' [{unit}]' if unit else ''}, got an array of shape {number.shape}")
+    return float(number)
+
+
+def finite_number(name: str, value: float, *, unit: str = "", error: Refusal = TrajectoryError) -> float:
+    """One finite real number; raises `error` for anything else."""
+    number = real_number(name, value, unit=unit, error=error)
+    if not np.isfinite(number):
+        raise error(f"{name} must be a finite number{f' [{unit}]' if unit else ''}, got {number}")
+    return number
+
+
+def whole_number(name: str, value: int, *, lowest: int = 0, highest: int | None = None, error: Refusal = TrajectoryError) -> int:
+    """A whole number from `lowest` to `highest`, also as a numpy integer; raises `error` for anything else."""
+    given = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
+    if not given or value < lowest or (highest is not None and value > highest):
+        raise error(f"{name} must be a whole number from {lowest} {'on' if highest is None else f'to {highest}'}, got {value!r}")
+    return int(value)
 
 
 def real_matrix(name: str, value: ArrayLike, *, shape: tuple[int, int] | None = None, error: Refusal = TrajectoryError) -> Array:
@@ -57,8 +87,10 @@ def real_vector(name: str, value: ArrayLike, entries: Sequence[str], *, error: R
 
 def increasing_times(name: str, value: ArrayLike, *, error: Refusal = TrajectoryError) -> Array:
     """A copy as times (m,) [s], finite and increasing, possibly none; raises `error` for anything else."""
-    times = real_numbers(name, value, error=error).reshape(-1)
-    if not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+    times = np.atleast_1d(real_numbers(name, value, error=error))
+    if times.ndim != 1:
+        raise error(f"{name} must be a list of times (m,) [s], got an array of shape {times.shape}")
+    if not np.all(np.isfinite(times)) or np.any(times[1:] <= times[:-1]):
         shown = f"{times.tolist()}" if len(times) <= 8 else f"{times[:8].tolist()} and {len(times) - 8} more"
         raise error(f"{name} must be finite and increase, got {shown}")
     return times
@@ -66,7 +98,7 @@ def increasing_times(name: str, value: ArrayLike, *, error: Refusal = Trajectory
 
 def require_duration(name: str, value: float, *, error: Refusal = TrajectoryError) -> None:
     """Raises `error` unless `value` is a positive, finite number of seconds."""
-    if not 0 < value < np.inf:
+    if not 0 < real_number(name, value, unit="s", error=error) < np.inf:
         raise error(f"{name} must be a positive number of seconds, got {value}")
 
 

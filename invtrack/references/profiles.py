@@ -3,21 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
-import scipy.linalg
-from numpy.polynomial import Polynomial
+from numpy.polynomial.polynomial import polyval
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, real_numbers, require_duration
+from invtrack.arrays import Array, finite_number, increasing_times, real_matrix, real_numbers, require_duration, whole_number
 from invtrack.errors import TrajectoryError
-from invtrack.references.signal import Generator, PiecewiseSignal, constant_generator
+from invtrack.references.bernstein import bernstein_derivatives, graded_breakpoints, pieces_for
+from invtrack.references.polynomials import from_bernstein, from_power, polynomial_signal, power_of_two_below
+from invtrack.references.signal import (
+    Generator,
+    PiecewiseSignal,
+    channel_values,
+    constant_generator,
+    constant_signal,
+    require_list,
+)
+
+LARGEST_SMOOTHNESS = 100
+"""Beyond it the highest derivatives of a rest-to-rest motion approach the end of the range of floating-point numbers."""
+
+Basis = Literal["power", "bernstein"]
 
 
 def rest_to_rest(
     start: ArrayLike, end: ArrayLike, duration: float, *, smoothness: int = 2, start_time: float = 0.0
 ) -> PiecewiseSignal:
     """The polynomial of lowest degree from `start` to `end` whose first `smoothness` derivatives vanish at both ends.
+
+    The unit step of smoothness k has the slope (s (1 - s))^k (2 k + 1)! / k!^2, so its Bernstein coefficients are k + 1 zeros and
+    k + 1 ones. From smoothness 4 on it is cut into about k / 2 pieces, so that each derivative is good to 1e-12 of its peak.
 
     Args:
         start, end: values (p,) or scalar, held before and after.
@@ -26,61 +43,69 @@ def rest_to_rest(
             a plant of relative degree r needs smoothness >= r - 1, and has a continuous input from r on.
         start_time: when the motion begins [s].
 
-    Raises TrajectoryError for a duration that is not positive or a smoothness outside 0 ... 6.
+    Raises TrajectoryError for values that are not finite or of different shapes, a duration that is not positive, or a smoothness
+    that is no whole number from 0 to 100. Source: G. Farin, Curves and Surfaces for CAGD, 2002, ch. 5.
     """
-    y_0, y_f = np.atleast_1d(np.asarray(start, dtype=float)), np.atleast_1d(np.asarray(end, dtype=float))
-    if y_0.shape != y_f.shape or y_0.ndim != 1:
+    y_0, y_f = channel_values("start", start), channel_values("end", end)
+    if y_0.shape != y_f.shape:
         raise TrajectoryError(f"start and end must have the same channels, got shapes {y_0.shape} and {y_f.shape}")
     require_duration("duration", duration)
-    if smoothness not in range(7):  # from 7 on, rounding of the coefficients shows as jumps at the end
-        raise TrajectoryError(f"smoothness must be a whole number from 0 to 6 (degree 1 to 13), got {smoothness}")
-    # The slope of the unit step is (s (1 - s))^smoothness, up to a factor.
-    slope = Polynomial([0.0, 1.0, -1.0]) ** smoothness
-    step = slope.integ() / slope.integ()(1.0)
-    coefficients = np.outer(y_f - y_0, step.coef)
-    coefficients[:, 0] += y_0
-    return piecewise_polynomial([start_time, start_time + duration], [coefficients], time_scale=duration, held=(y_0, y_f))
+    start_time = finite_number("start_time", start_time, unit="s")
+    k = whole_number("smoothness", smoothness, highest=LARGEST_SMOOTHNESS)
+    pieces = pieces_for(k)  # not those for the degree: of the slope's k-th derivative, a polynomial of degree k
+    edges = graded_breakpoints(start_time, start_time + duration, pieces)
+    shortest = float(np.min(np.diff(edges)))
+    unit = power_of_two_below(min(shortest / 2, (edges[-1] - edges[0]) / 4))
+    step = bernstein_derivatives([0] * (k + 1) + [1] * (k + 1), edges, unit)
+    with np.errstate(over="ignore"):  # refused by the generator
+        rows = (y_f - y_0)[:, np.newaxis]
+    return polynomial_signal(edges, np.full(pieces, unit), step[:, np.newaxis], (y_0, y_f), rows=rows, offset=y_0)
 
 
 def piecewise_polynomial(
     breakpoints: ArrayLike,
     coefficients: Sequence[ArrayLike],
     *,
+    basis: Basis = "power",
     time_scale: float = 1.0,
     held: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> PiecewiseSignal:
-    """Polynomials by pieces: on piece j the value is sum_i c_j[:, i] ((t - t_j) / time_scale)^i, held still before and after.
+    """Polynomials of any degree by pieces, held still before and after.
 
-    breakpoints (m + 1,) [s]; coefficients: m arrays (p, degree_j + 1), ascending (a vector counts as one channel). held: values
-    before and after; by default those at the two ends.
+    On piece j, from t_j to t_(j+1), the value is, with coefficients c_0 ... c_d (p,),
+    "power": sum over i of c_i ((t - t_j) / time_scale)^i;
+    "bernstein": sum over i of c_i C(d, i) s^i (1 - s)^(d - i), s = (t - t_j) / (t_(j+1) - t_j): a Bezier curve.
 
-    Raises TrajectoryError where numbers do not fit.
+    A power series is as good as the sizes of its terms let it be: beyond degree 10 or so they are often much larger than their sum.
+    Bernstein coefficients are of the size of the values, whatever the degree; a piece of degree d >= 4 is cut into d / 2.
+
+    Args:
+        breakpoints: t_0 ... t_m (m + 1,) [s].
+        coefficients: for each of the m pieces (p, d + 1), d its degree; a vector counts as one channel.
+        basis: "power" or "bernstein".
+        time_scale: of the power series [s].
+        held: values before and after, (p,) or scalar; by default those at the two ends.
+
+    Raises TrajectoryError where numbers do not fit or are not finite. Source: R. Farouki, "The Bernstein polynomial basis: a
+    centennial retrospective", Computer Aided Geometric Design 29, 2012.
     """
-    times = np.asarray(breakpoints, dtype=float).reshape(-1)
-    pieces = [np.atleast_2d(np.asarray(c, dtype=float)) for c in coefficients]
-    if len(pieces) != len(times) - 1 or not pieces:
-        raise TrajectoryError(f"expected one polynomial between each two of {len(times)} breakpoints, got {len(pieces)}")
-    p, degree = pieces[0].shape[0], max(c.shape[1] for c in pieces) - 1
+    times = increasing_times("breakpoints", breakpoints)
+    given = _coefficients(coefficients, len(times))
     require_duration("time_scale", time_scale)
-    if any(c.shape[0] != p for c in pieces):
-        raise TrajectoryError(f"all pieces must have the same number of channels, got {[c.shape[0] for c in pieces]}")
-    # w_i = the value's i-th Taylor coefficient, in units of time_scale, so that all entries are of the size of the value.
-    shift: Array = np.diag(np.arange(1.0, degree + 1), k=1) / time_scale
-    first = np.zeros((1, degree + 1))
-    first[0, 0] = 1.0
-    taylor = Generator(scipy.linalg.block_diag(*[shift] * p), scipy.linalg.block_diag(*[first] * p))
-    anchors = np.zeros((len(times) + 1, p * (degree + 1)))
-    for j, c in enumerate(pieces):
-        anchors[j + 1].reshape(p, degree + 1)[:, : c.shape[1]] = c
-    last = ((times[-1] - times[-2]) / time_scale) ** np.arange(pieces[-1].shape[1])
-    y_0, y_f = held if held is not None else (pieces[0][:, 0], pieces[-1] @ last)
-    for place, value in ((0, np.asarray(y_0, dtype=float)), (-1, np.asarray(y_f, dtype=float))):
-        if value.shape not in ((), (p,)):
-            raise TrajectoryError(f"held must give {p} value(s) before and after, got shape {value.shape}")
-        anchors[place, :p] = value
-    kind = np.full(len(times) + 1, 1, dtype=np.intp)
-    kind[[0, -1]] = 0
-    return PiecewiseSignal(times, (constant_generator(p), taylor), kind, anchors)
+    if not isinstance(basis, str) or basis not in ("power", "bernstein"):
+        raise TrajectoryError(f"basis must be 'power' or 'bernstein', got {basis!r}")
+    if basis == "bernstein":
+        if time_scale != 1.0:
+            raise TrajectoryError("Bernstein coefficients belong to each piece's own length; leave out time_scale")
+        edges, units, derivatives = from_bernstein(times, given)
+        ends = given[0][:, 0], given[-1][:, -1]
+    else:
+        edges, units, derivatives = times, *from_power(np.diff(times), given, float(time_scale))
+        with np.errstate(over="ignore", invalid="ignore"):  # refused below
+            ends = given[0][:, 0], np.asarray(polyval((times[-1] - times[-2]) / time_scale, given[-1].T))
+    p = len(given[0])
+    y_0, y_f = ends if held is None else _held(held, p)
+    return polynomial_signal(edges, units, derivatives, (y_0, y_f), rows=np.eye(p), offset=np.zeros(p))
 
 
 def autonomous(S: ArrayLike, R: ArrayLike, w_0: ArrayLike, *, start: float, end: float) -> PiecewiseSignal:
@@ -94,19 +119,20 @@ def autonomous(S: ArrayLike, R: ArrayLike, w_0: ArrayLike, *, start: float, end:
 
     Raises TrajectoryError where shapes do not fit or end is not after start.
     """
-    S_, R_ = np.atleast_2d(np.asarray(S, dtype=float)), np.atleast_2d(np.asarray(R, dtype=float))
-    w = np.atleast_1d(np.asarray(w_0, dtype=float))
+    S_, R_, w = real_matrix("S", S), real_matrix("R", R), channel_values("w_0", w_0)
+    start, end = finite_number("start", start, unit="s"), finite_number("end", end, unit="s")
     q = len(w)
     if S_.shape != (q, q) or R_.shape[1] != q:
         raise TrajectoryError(f"w_0 has {q} entries, so S must be ({q}, {q}) and R (p, {q}); got {S_.shape} and {R_.shape}")
     if not end > start:
         raise TrajectoryError(f"end must be after start, got start {start} and end {end}")
-    p = R_.shape[0]
-    running = PiecewiseSignal(np.array([start]), (Generator(S_, R_),), np.zeros(2, dtype=np.intp), np.array([w, w]))
+    moving = Generator(S_, R_)
+    running = PiecewiseSignal(np.array([start]), (moving,), np.zeros(2, dtype=np.intp), np.array([w, w]))
+    p = len(R_)
     anchors = np.zeros((3, max(p, q)))
-    anchors[0, :p], anchors[1, :q], anchors[2, :p] = R_ @ w, w, running(end)
+    anchors[0, :p], anchors[1, :q], anchors[2, :p] = running(start), w, running(end)
     kind = np.array([0, 1, 0], dtype=np.intp)
-    return PiecewiseSignal(np.array([start, end], dtype=float), (constant_generator(p), Generator(S_, R_)), kind, anchors)
+    return PiecewiseSignal(np.array([start, end]), (constant_generator(p), moving), kind, anchors)
 
 
 def raised_cosine(peak: float, *, period: float = 2 * np.pi, cycles: int = 1, start_time: float = 0.0) -> PiecewiseSignal:
@@ -117,25 +143,52 @@ def raised_cosine(peak: float, *, period: float = 2 * np.pi, cycles: int = 1, st
 
     Raises TrajectoryError for a period that is not positive, or cycles that are no whole number from 1 on.
     """
-    if not (period > 0 and cycles >= 1 and float(cycles).is_integer()):
-        raise TrajectoryError(f"period must be positive and cycles a whole number from 1 on, got {period} and {cycles}")
+    peak, start_time = finite_number("peak", peak), finite_number("start_time", start_time, unit="s")
+    require_duration("period", period)
+    cycles = whole_number("cycles", cycles, lowest=1)
+    end = start_time + cycles * period
+    if not start_time < end < np.inf:
+        raise TrajectoryError(
+            f"{cycles} period(s) of {period} s from {start_time} s on end beyond the range of times, or where they start"
+        )
     omega = 2 * np.pi / period
     S = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, omega], [0.0, -omega, 0.0]])  # 1, cos, sin
-    end = start_time + cycles * period
-    signal = autonomous(S, peak / 2 * np.array([[1.0, -1.0, 0.0]]), np.array([1.0, 1.0, 0.0]), start=start_time, end=end)
-    anchors = signal.anchors.copy()
-    anchors[2] = 0.0  # at rest exactly, not to rounding
-    return PiecewiseSignal(signal.breakpoints, signal.generators, signal.kind, anchors)
+    anchors = np.zeros((3, 3))  # held at zero exactly, not to rounding
+    anchors[1, :2] = 1.0
+    generators = (constant_generator(1), Generator(S, peak / 2 * np.array([[1.0, -1.0, 0.0]])))
+    return PiecewiseSignal(np.array([start_time, end]), generators, np.array([0, 1, 0], dtype=np.intp), anchors)
 
 
 def constant(value: ArrayLike, *, at: float = 0.0) -> PiecewiseSignal:
     """A signal that always has the same value (p,) or scalar; `at` [s] is where its (idle) breakpoint lies.
 
-    Raises TrajectoryError for values of another shape.
+    Raises TrajectoryError for values of another shape or not finite.
     """
-    values = np.atleast_1d(real_numbers("the value of a constant signal", value))
-    if values.ndim != 1 or not len(values):
-        raise TrajectoryError(f"expected one value, or one for each channel (p,), got {values.tolist()}")
-    return PiecewiseSignal(
-        np.array([at]), (constant_generator(len(values)),), np.zeros(2, dtype=np.intp), np.array([values, values])
-    )
+    return constant_signal(channel_values("value", value), finite_number("at", at, unit="s"))
+
+
+def _coefficients(coefficients: Sequence[ArrayLike], count: int) -> list[Array]:
+    """One matrix (p, degree + 1) of finite numbers for each piece between `count` breakpoints."""
+    listed = require_list("coefficients", coefficients, "one array (p, degree + 1) for each piece")
+    given = [np.atleast_2d(real_numbers(f"the coefficients of piece {j}", c)) for j, c in enumerate(listed)]
+    if len(given) != count - 1 or not given:
+        raise TrajectoryError(f"expected one polynomial between each two of {count} breakpoints, got {len(given)}")
+    for j, c in enumerate(given):
+        if c.ndim != 2 or not c.size or not np.all(np.isfinite(c)):
+            raise TrajectoryError(
+                f"expected finite coefficients (p, degree + 1) for piece {j}, or a vector for one channel, got {c.tolist()}"
+            )
+    if any(len(c) != len(given[0]) for c in given):
+        raise TrajectoryError(f"all pieces must have the same number of channels, got {[len(c) for c in given]}")
+    return given
+
+
+def _held(held: tuple[ArrayLike, ArrayLike], p: int) -> tuple[Array, Array]:
+    pair = require_list("held", held, "the values before and after")
+    if len(pair) != 2:
+        raise TrajectoryError(f"held must be the values before and after, two of them, got {len(pair)}")
+    values = [channel_values(f"held {place} the motion", value) for place, value in zip(("before", "after"), pair, strict=True)]
+    for value in values:
+        if value.shape not in ((1,), (p,)):
+            raise TrajectoryError(f"held must give {p} value(s) before and after, got shape {value.shape}")
+    return np.broadcast_to(values[0], p), np.broadcast_to(values[1], p)

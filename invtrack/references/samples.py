@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
+from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import scipy  # loads scipy.interpolate at its first use
+import scipy.linalg
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, real_numbers
+from invtrack.arrays import Array, Indices, real_numbers, whole_number
 from invtrack.errors import FileError, TrajectoryError
 from invtrack.files import read_table
-from invtrack.references.profiles import piecewise_polynomial
+from invtrack.references.polynomials import polynomial_signal, state_units
 from invtrack.references.signal import PiecewiseSignal
 
-DEGREES = (1, 3, 5, 7)
-
 MISS_TOLERANCE = 1e-9
-"""How far the spline may miss a sample, as a share of its channel's motion: it does where samples lie very unevenly."""
+"""How far the spline may be off, as a share of its channel's motion: from the samples, and from the one through samples that are
+not rounded. It is where they lie very unevenly, and where the degree is very high."""
 
 LARGEST_EXCURSION = 100.0
 """How far it may go between samples, as a multiple of that motion; between evenly spaced ones it is a small multiple."""
 
 
 def sampled_reference(times: ArrayLike, values: ArrayLike, *, degree: int = 5, smoothness: int | None = None) -> PiecewiseSignal:
-    """The spline of odd degree k through samples, held at the first and the last value before and after.
+    """The spline of any odd degree k through samples, held at the first and the last value before and after.
 
     times (m,) [s], increasing, evenly spaced or not; values (m, p), or (m,) for one channel. Derivatives 1 ... k - 1 are continuous
     between the ends. smoothness: how many derivatives vanish at both ends, from 0 to (k - 1)/2, the default; choose less where the
@@ -34,34 +35,32 @@ def sampled_reference(times: ArrayLike, values: ArrayLike, *, degree: int = 5, s
     through the samples that rest in this sense at the ends, it has the smallest integral of (y^((k+1)/2))^2.
 
     A plant of relative degree r needs smoothness >= r - 1, so degree >= 2 r - 1. The distance to a smooth motion that rests in the
-    same sense falls with the (k + 1)th power of the spacing; that of its r-th derivative with the (k + 1 - r)th.
+    same sense falls with the (k + 1)th power of the spacing; that of its r-th derivative with the (k + 1 - r)th. An even degree has
+    its knots between the samples, and no such property.
 
     Differentiation amplifies noise: noise of size s in samples h apart gives about s / h^r in the r-th derivative, and samples good
     to rounding have s = 1e-16 of their size. See `reference_report`.
 
     Raises TrajectoryError where shapes do not fit, times do not increase, values are not finite, degree or smoothness is out of
-    range, samples are too few, or they lie too unevenly. Source: C. de Boor, A Practical Guide to Splines, 2001, ch. XIII.
+    range, samples are too few, or they lie so unevenly, or the degree is so high, that rounding alone moves the spline by more than
+    1e-9 of the motion (from degree 37 on for even spacing). Source: C. de Boor, A Practical Guide to Splines, 2001, ch. XIII.
     """
     t, y = _samples(times, values)
     _require_increasing(t, lambda i: f"sample {i}")
     smoothness = _require_possible(len(t), degree, smoothness)
-    # One time scale for all pieces keeps one generator; a power of two, so that no knot is rounded.
-    scale = 2.0 ** float(np.rint(np.log2(np.median(np.diff(t)))))
+    units = state_units(np.diff(t), degree)  # powers of two, so that no knot is rounded
+    scale = float(np.max(units))
     offset = y[0]  # the spline is that of the motion, so that a large constant part costs no accuracy
     spline = _interpolant(t / scale, y - offset, degree, smoothness)
-    anchors = np.zeros((len(t) + 1, y.shape[1] * (degree + 1)))
-    taylor = anchors[1:-1].reshape(len(t) - 1, y.shape[1], degree + 1)
-    taylor[:, :, 0] = y[:-1]
+    derivatives = np.zeros((len(t) - 1, y.shape[1], degree + 1))
+    derivatives[:, :, 0] = y[:-1]
     for order in range(1, degree + 1):
         # Derivative after derivative from the coefficients' differences: its two neighbours at a knot see the same ones, so that
         # also derivatives full of noise are continuous to rounding of their own size.
         spline = spline.derivative()
-        taylor[:, :, order] = spline(t[:-1] / scale) / math.factorial(order)
-    anchors[0, : y.shape[1]], anchors[-1, : y.shape[1]] = y[0], y[-1]
-    template = piecewise_polynomial(t[[0, -1]], [np.zeros((y.shape[1], degree + 1))], time_scale=scale)
-    kind = np.full(len(t) + 1, template.kind[1], dtype=np.intp)
-    kind[[0, -1]] = template.kind[0]
-    return PiecewiseSignal(t, template.generators, kind, anchors)
+        derivatives[:, :, order] = spline(t[:-1] / scale) * ((units / scale) ** order)[:, np.newaxis]
+    p = y.shape[1]
+    return polynomial_signal(t, units, derivatives, (y[0], y[-1]), rows=np.eye(p), offset=np.zeros(p))
 
 
 def load_reference(
@@ -133,12 +132,11 @@ def _require_increasing(t: Array, place: Callable[[int], str]) -> None:
 
 def _require_possible(count: int, degree: int, smoothness: int | None) -> int:
     """The smoothness at the ends, once it and the number of samples are known to determine one spline."""
-    if degree not in DEGREES:
-        raise TrajectoryError(f"degree must be one of {list(DEGREES)}, got {degree}")
+    degree = whole_number("degree", degree, lowest=1)
+    if degree % 2 == 0:
+        raise TrajectoryError(f"degree must be odd, got {degree}; a spline of even degree has its knots between the samples")
     half = (degree - 1) // 2
-    smoothness = half if smoothness is None else smoothness
-    if smoothness not in range(half + 1):
-        raise TrajectoryError(f"smoothness must be a whole number from 0 to {half} for degree {degree}, got {smoothness}")
+    smoothness = half if smoothness is None else whole_number(f"smoothness for degree {degree}", smoothness, highest=half)
     needed = max(2, half + 1 - 2 * smoothness)  # else a polynomial of degree `half` fits in between without any cost
     if count < needed:
         raise TrajectoryError(
@@ -149,30 +147,94 @@ def _require_possible(count: int, degree: int, smoothness: int | None) -> int:
 
 
 def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> scipy.interpolate.BSpline:
-    half = (degree - 1) // 2
-    orders = [*range(1, smoothness + 1), *range(half + 1, degree - smoothness)]
-    conditions = [(order, np.zeros(y.shape[1])) for order in orders]
+    """The spline through y (m, p) at times t (m,), y[0] = 0.
+
+    At rest means that the outermost smoothness + 1 coefficients are equal: these are known to the last bit, and no equation for a
+    vanishing derivative, with its large coefficients, disturbs the others.
+    """
+    m, n, rest, p = len(t), len(t) + degree - 1, smoothness + 1, y.shape[1]
+    knots = np.concatenate([np.full(degree, t[0]), t, np.full(degree, t[-1])])
+    c = np.zeros((n, p + 1))
+    c[n - rest :, :p] = y[-1]
+    rows, first, natural = _equations(knots, t, degree, smoothness)
+    right = np.zeros((len(rows), c.shape[1]))
+    inner = slice(natural, natural + m - 2)
+    right[inner, :p] = y[1:-1]
+    # In one more channel the spline through samples that alternate between -1 and 1: between the samples none through samples of
+    # size 1 goes further, as the matrix is totally positive, or nearly so (de Boor, ch. XIII).
+    right[inner, p] = (-1.0) ** np.arange(m - 2)
+    columns = first[:, np.newaxis] + np.arange(degree + 1)
+    right -= np.einsum("ij,ijk->ik", rows, c[columns])
+    i, j = np.nonzero((columns >= rest) & (columns < n - rest) & (rows != 0))
+    offset = columns[i, j] - rest - i
+    lower, upper = -int(np.min(offset, initial=0)), int(np.max(offset, initial=0))
+    banded = np.zeros((lower + upper + 1, len(rows)))
+    banded[upper - offset, columns[i, j] - rest] = rows[i, j]
     try:
-        ends = (conditions, list(conditions)) if conditions else None
-        spline = scipy.interpolate.make_interp_spline(t, y, k=degree, bc_type=ends)
+        if len(rows):
+            c[rest : n - rest] = scipy.linalg.solve_banded((lower, upper), banded, right)
     except np.linalg.LinAlgError:
-        well_posed = False
-    else:
-        # At rest means that the outermost coefficients are equal: made so to the last bit, not to rounding.
-        spline.c[: smoothness + 1], spline.c[len(spline.c) - smoothness - 1 :] = y[0], y[-1]
-        motion = np.max(np.abs(y), axis=0)
-        excursion = np.abs(spline((t[:-1] + t[1:]) / 2))
-        well_posed = bool(
-            np.all(np.abs(spline(t) - y) <= MISS_TOLERANCE * motion) and np.all(excursion <= LARGEST_EXCURSION * motion)
-        )
-    if not well_posed:
+        c[:] = np.inf
+    with np.errstate(invalid="ignore"):
+        _require_well_posed(t, y, scipy.interpolate.BSpline(knots, c, degree))
+    return scipy.interpolate.BSpline(knots, np.ascontiguousarray(c[:, :p]), degree)
+
+
+def _equations(knots: Array, t: Array, degree: int, smoothness: int) -> tuple[Array, Indices, int]:
+    """Rows (k, degree + 1), the first coefficient that each acts on (k,), and how many at either end are for natural ends.
+
+    Those say that y^(i) = 0 for i = (degree + 1) / 2 ... degree - 1 - smoothness; the others are y at the inner samples.
+    """
+    start, end = (_natural_end(each, degree, smoothness) for each in (knots, -knots[::-1]))
+    # The samples at the two ends, which are met already, are there because scipy takes no empty list of times.
+    samples = scipy.interpolate.BSpline.design_matrix(t, knots, degree, extrapolate=True)
+    values, columns = (each.reshape(-1, degree + 1)[1:-1] for each in (samples.data, samples.indices))
+    rows = np.concatenate([start, values, end[::-1, ::-1]])
+    first = np.concatenate([np.zeros(len(start)), columns[:, 0], np.full(len(end), len(t) - 2)])
+    return rows, first.astype(np.intp), len(start)
+
+
+def _natural_end(knots: Array, degree: int, smoothness: int) -> Array:
+    """Rows (k, degree + 1) in the first coefficients: that the derivatives which are to vanish at a natural end do so.
+
+    At high degrees the derivatives are nearly the same functions of the coefficients as one another. They are worked out in
+    rational numbers, floating-point knots being such, and replaced with combinations that differ in a unit matrix.
+    """
+    orders = range((degree + 1) // 2, degree - smoothness)
+    exact = [Fraction(knot) for knot in knots[: 2 * degree + 2].tolist()] if orders else []
+    d = [[Fraction(int(i == j)) for j in range(degree + 1)] for i in range(degree + 1)]
+    rows = []
+    for order in range(1, orders.stop if orders else 1):
+        spans = [exact[degree + 1 + i] - exact[order + i] for i in range(degree + 1 - order)]
+        d = [[(b - a) / span for a, b in zip(*pair, strict=True)] for pair, span in zip(pairwise(d), spans, strict=True)]
+        if order in orders:
+            rows.append(d[0])
+    for i in range(len(rows)):
+        pivot = max(range(smoothness + 1, degree + 1), key=lambda j: abs(rows[i][j]))
+        rows[i] = [value / rows[i][pivot] for value in rows[i]]
+        for k in range(len(rows)):
+            if k != i and rows[k][pivot]:
+                factor = rows[k][pivot]
+                rows[k] = [a - factor * b for a, b in zip(rows[k], rows[i], strict=True)]
+    return np.array(rows, dtype=float).reshape(-1, degree + 1)
+
+
+def _require_well_posed(t: Array, y: Array, spline: scipy.interpolate.BSpline) -> None:
+    """Refuses a spline that misses samples or magnifies rounding; its last channel is through samples of size 1."""
+    p = y.shape[1]
+    motion = np.max(np.abs(y), axis=0)
+    miss = np.abs(spline(t)[:, :p] - y)
+    between = np.max(np.abs(spline((t[:-1] + t[1:]) / 2)), axis=0)
+    magnified = float(between[p])
+    misses = np.any(miss > MISS_TOLERANCE * motion) or np.any(between[:p] > LARGEST_EXCURSION * motion)
+    if misses or not np.finfo(float).eps * magnified <= MISS_TOLERANCE:
         spacing = np.diff(t)
         raise TrajectoryError(
-            f"the samples lie too unevenly for a spline of degree {degree}: it misses them, or leaves their range far behind "
-            f"between them; the largest spacing is {spacing.max() / spacing.min():.1e} times the smallest; lower the degree or "
-            "even out the times"
+            f"through these samples there is no trustworthy spline of degree {spline.k}: between them it leaves their range far "
+            f"behind, or magnifies rounding {magnified:.1e} times; the largest spacing is "
+            f"{spacing.max() / spacing.min():.1e} times the smallest; lower the degree, or the smoothness at "
+            "the ends where the samples do not rest there, or even out the times"
         )
-    return spline
 
 
 def _column(path: str | Path, header: Sequence[str], wanted: str) -> int:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.arrays import Array, Indices, increasing_times, real_numbers
+from invtrack.arrays import Array, Indices, finite_number, increasing_times, real_matrix, real_numbers, whole_number
 from invtrack.errors import TrajectoryError
 from invtrack.linear.propagation import Propagator
 
@@ -18,17 +19,56 @@ JUMP_TOLERANCE = 1e-9
 """A derivative counts as continuous where it jumps by less than this share of its largest value next to any breakpoint."""
 
 
+SIZE_SHARES = (-0.5, -0.25, 0.0, 0.25, 0.5)
+"""Where in each piece a derivative's size is looked for, as shares of its length from its middle."""
+
+
 @dataclass(frozen=True, eq=False)
 class Generator:
-    """The autonomous system w' = S w, value = R w behind a piece of a signal: S (q, q), R (p, q)."""
+    """The autonomous system w' = S w, value = R w behind a piece of a signal: S (q, q), R (p, q), finite.
+
+    Raises TrajectoryError for matrices of other shapes.
+    """
 
     S: Array
     R: Array
 
+    def __post_init__(self) -> None:
+        S, R = real_matrix("S of a generator", self.S), real_matrix("R of a generator", self.R)
+        q = len(S)
+        if S.shape != (q, q) or R.shape[1] != q or not R.size:
+            raise TrajectoryError(f"a generator needs S (q, q) and R (p, q), neither empty, got {S.shape} and {R.shape}")
+        object.__setattr__(self, "S", S)
+        object.__setattr__(self, "R", R)
+
     def derivative(self, order: int) -> Array:
-        """R S^order (p, q): the row that gives the derivative of that order."""
-        row: Array = self.R @ np.linalg.matrix_power(self.S, order)
-        return row
+        """R S^order (p, q), not to be written to: the rows that give the derivative of that order.
+
+        Raises TrajectoryError where it is beyond the range of floating-point numbers.
+        """
+        rows = self._rows
+        while len(rows) <= order:
+            with np.errstate(over="ignore", invalid="ignore"):
+                row = np.asarray(rows[-1] @ self.S)
+            if not np.all(np.isfinite(row)):
+                raise TrajectoryError(
+                    f"the derivative of order {len(rows)} of this signal is beyond the range of floating-point numbers; ask for a "
+                    "lower one, or stretch the motion"
+                )
+            row.setflags(write=False)
+            rows.append(row)
+        return rows[order]
+
+    @cached_property
+    def _rows(self) -> list[Array]:
+        """R S^k, as far as known."""
+        return [self.R]
+
+    @cached_property
+    def horizon(self) -> float:
+        """How far [s] exp(S t) can be followed before the rounding of t alone hides in which phase it is."""
+        pace = float(np.linalg.norm(self.S, 1))
+        return 1 / (np.finfo(float).eps * pace) if pace > np.finfo(float).tiny / np.finfo(float).eps else np.inf
 
     def propagator(self, direction: float) -> Propagator:
         """exp(S tau), or exp(-S tau) for a negative direction."""
@@ -44,15 +84,22 @@ def constant_generator(p: int) -> Generator:
     return Generator(np.zeros((p, p)), np.eye(p))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PiecewiseSignal:
     """A signal of p channels that on each piece solves w' = S w, value = R w, so any derivative is R S^k w, exactly.
 
-    breakpoints: t_0 < ... < t_m [s]. There are m + 2 pieces: piece 0 before t_0, piece j from t_(j-1) to t_j, piece m + 1 after
-    t_m. generators: the distinct (S, R) that occur; kind (m + 2,): which generator each piece uses; anchors (m + 2, q): w at the
-    start of each piece, of piece 0 at its end (padded with zeros to the largest q). Polynomials (nilpotent S), sinusoids,
-    exponentials and their sums are all of this form. At a breakpoint the value from the left and from the right may differ: a
-    time that lies on one belongs to the piece on its right unless `inside` says otherwise.
+    Polynomials (nilpotent S), sinusoids, exponentials and their sums are all of this form. At a breakpoint the value from the left
+    and from the right may differ: a time that lies on one belongs to the piece on its right unless `inside` says otherwise.
+    Signals add up with `+` and `-`, also with numbers (one, or one for each channel), and are `scaled` with `*` and `/`.
+
+    Args:
+        breakpoints: t_0 < ... < t_m [s]. There are m + 2 pieces: piece 0 before t_0, piece j from t_(j-1) to t_j, piece m + 1 after
+            t_m.
+        generators: the distinct (S, R) that occur.
+        kind: which generator each piece uses (m + 2,).
+        anchors: w at the start of each piece, of piece 0 at its end (m + 2, q), padded with zeros to the largest q.
+
+    Raises TrajectoryError where these do not fit each other, or are not finite.
     """
 
     breakpoints: Array
@@ -61,13 +108,36 @@ class PiecewiseSignal:
     anchors: Array
 
     def __post_init__(self) -> None:
-        pieces = len(self.breakpoints) + 1
-        if not len(increasing_times("breakpoints", self.breakpoints)):
+        times = increasing_times("breakpoints", self.breakpoints)
+        generators = tuple(require_list("generators", self.generators, "at least one Generator(S, R)"))
+        if not len(times):
             raise TrajectoryError("a signal needs breakpoints, at least one, got none")
-        if self.kind.shape != (pieces,) or len(self.anchors) != pieces:
-            raise TrajectoryError(f"expected {pieces} pieces, got {len(self.kind)} kinds and {len(self.anchors)} anchors")
-        if not np.all(np.isfinite(self.anchors)):
+        if not generators or not all(isinstance(g, Generator) and len(g.R) == len(generators[0].R) for g in generators):
+            raise TrajectoryError("expected generators Generator(S, R) with the same number of channels, at least one")
+        kind, anchors = real_numbers("kind", self.kind), real_numbers("the anchors of a signal", self.anchors)
+        pieces = len(times) + 1
+        if kind.shape != (pieces,) or anchors.ndim != 2 or len(anchors) != pieces:
+            raise TrajectoryError(
+                f"expected {pieces} pieces, got {len(np.atleast_1d(kind))} kinds and {len(np.atleast_1d(anchors))} anchors"
+            )
+        if not np.all(np.isin(kind, np.arange(len(generators)))) or anchors.shape[1] < max(len(g.S) for g in generators):
+            raise TrajectoryError(
+                f"expected kinds from 0 to {len(generators) - 1}, and anchors (m + 2, q) with q of the largest generator, "
+                f"{max(len(g.S) for g in generators)}; got anchors {anchors.shape}"
+            )
+        if not np.all(np.isfinite(anchors)):
             raise TrajectoryError("the signal has values that are not finite")
+        for name, value in (
+            ("breakpoints", times),
+            ("generators", generators),
+            ("kind", kind.astype(np.intp)),
+            ("anchors", anchors),
+        ):
+            object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        first, last = self.manoeuvre
+        return f"<signal of {self.n_channels} channel(s), {len(self.breakpoints) - 1} piece(s) from {first:.6g} s to {last:.6g} s>"
 
     @property
     def n_channels(self) -> int:
@@ -87,17 +157,22 @@ class PiecewiseSignal:
         """Values, or derivatives of the stated order, at times t (m,) or scalar: (m, p) or (p,).
 
         inside: times within the pieces meant, where t lies on a breakpoint and the side matters (for instance the middle of the
-        interval to its left). Raises TrajectoryError for times that are not finite, or a derivative that is no whole number.
+        interval to its left). Raises TrajectoryError for times that are not finite, a derivative that is no whole number, and where
+        the signal is beyond the range of floating-point numbers.
         """
         times, within = finite_times(t, inside)
-        if not isinstance(derivative, (int, np.integer)) or derivative < 0:
-            raise TrajectoryError(f"derivative must be a whole number from 0 on, got {derivative!r}")
-        piece = self.locate(within)
-        rows = [generator.derivative(derivative) for generator in self.generators]
-        result = self._values(rows, piece, times)
+        order = whole_number("derivative", derivative)
+        rows = [generator.derivative(order) for generator in self.generators]
+        with np.errstate(over="ignore", invalid="ignore"):
+            result = self._values(rows, self.locate(within), times)
+        if not np.all(np.isfinite(result)):
+            at = times[~np.all(np.isfinite(result), axis=1)][0]
+            raise TrajectoryError(
+                f"the signal is beyond the range of floating-point numbers at t = {at:.6g} s; ask for times closer by"
+            )
         return result[0] if np.ndim(t) == 0 else result
 
-    def _values(self, rows: list[Array], piece: Indices, times: Array) -> Array:
+    def _values(self, rows: Sequence[Array], piece: Indices, times: Array) -> Array:
         """rows[kind] w(t) at times taken in the pieces stated, (m, k)."""
         result = np.empty((len(times), len(rows[0])))
         since = times - self.breakpoints[np.maximum(piece - 1, 0)]
@@ -110,25 +185,32 @@ class PiecewiseSignal:
                 if chosen is None:
                     continue
                 tau = np.maximum(direction * since[chosen], 0.0)
+                if np.max(tau) > generator.horizon:
+                    raise TrajectoryError(
+                        f"the time {times[chosen][np.argmax(tau)]:.6g} s is {np.max(tau):.3g} s away from the signal's breakpoint: "
+                        f"rounding of such times hides what it does beyond {generator.horizon:.3g} s; ask for times closer by"
+                    )
                 resolution = 4 * float(np.spacing(np.max(np.abs(times[chosen]))))
                 result[chosen] = generator.propagator(direction).outputs(X, w, piece[chosen], tau, resolution=resolution)
         return result
 
     def jumps(self, order: int) -> Array:
         """Jump of the derivative of the stated order at each breakpoint, as a share of that derivative's size: (m + 1, p)."""
+        size = self.size(order)
         left = self(self.breakpoints, derivative=order, inside=self.inner_times()[:-1])
         right = self(self.breakpoints, derivative=order, inside=self.inner_times()[1:])
-        size = self.size(order)
         return np.abs(right - left) / np.where(size > 0, size, 1.0)
 
     def size(self, order: int) -> Array:
-        """Largest value of a derivative over points within the pieces (p,), or what rounding of the lower ones leaves."""
+        """Largest value of a derivative (p,) over ends of pieces and points within, or what rounding of lower ones leaves."""
         known = self._sizes
+        order = whole_number("order", order)
         while len(known) <= order:
-            times, spread = self.inner_times(), np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]]) / 3
+            times, spread = self.inner_times(), np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]])
+            times[[0, -1]] = self.breakpoints[[0, -1]]
             size = np.zeros(self.n_channels)
-            for share in (-1.0, 0.0, 1.0):
-                values = self(times + share * spread, derivative=len(known), inside=times)
+            for share in SIZE_SHARES:
+                values = self(times + share * spread, derivative=len(known), inside=self.inner_times())
                 size = np.maximum(size, np.max(np.abs(values), axis=0))
             lower = known[-1] if known else np.zeros(self.n_channels)
             known.append(np.maximum(size, 1e-3 * lower / max(self.manoeuvre[1] - self.manoeuvre[0], np.finfo(float).tiny)))
@@ -141,6 +223,8 @@ class PiecewiseSignal:
 
     def smoothness(self, channel: int, highest: int) -> int:
         """How many derivatives of a channel, the value itself counted as one, are continuous; at most `highest` are tried."""
+        channel = whole_number("channel", channel, highest=self.n_channels - 1)
+        highest = whole_number("highest", highest)
         for order in range(highest):
             if np.any(self.jumps(order)[:, channel] > JUMP_TOLERANCE):
                 return order
@@ -148,8 +232,7 @@ class PiecewiseSignal:
 
     def inner_times(self) -> Array:
         """One time inside each piece: (m + 2,)."""
-        ends = self.breakpoints
-        return np.concatenate([[ends[0] - 1.0], (ends[:-1] + ends[1:]) / 2, [ends[-1] + 1.0]])
+        return _inner_times(self.breakpoints)
 
     def end_anchors(self) -> Array:
         """The generators' states w at the end of each piece; for the last one, which has no end, at its start."""
@@ -161,33 +244,53 @@ class PiecewiseSignal:
         return result
 
     def shifted(self, delay: float) -> PiecewiseSignal:
-        """The same signal `delay` seconds later."""
-        return PiecewiseSignal(self.breakpoints + delay, self.generators, self.kind, self.anchors)
+        """The same signal `delay` seconds later; as smooth as this one, although breakpoints are rounded anew.
+
+        Raises TrajectoryError for a delay that is not finite, or so long that breakpoints fall together.
+        """
+        delay = finite_number("delay", delay, unit="s")
+        with np.errstate(over="ignore", invalid="ignore"):
+            times = self.breakpoints + delay
+        if not np.all(np.isfinite(times)) or np.any(times[1:] <= times[:-1]):
+            raise TrajectoryError(
+                f"{delay:.6g} s later this signal's breakpoints, {np.min(np.diff(self.breakpoints), initial=np.inf):.3g} s apart, "
+                "fall together or leave the range of floating-point numbers; choose a shorter delay"
+            )
+        # What was rounded, found exactly (Knuth's TwoSum), is how much later than at the anchor each piece now starts.
+        moved = times - self.breakpoints
+        late = -((self.breakpoints - (times - moved)) + (delay - moved))
+        late = np.concatenate([late[:1], late])
+        anchors = self.anchors.copy()
+        for index, generator in enumerate(self.generators):
+            chosen, q = self.kind == index, len(generator.S)
+            w, tau = anchors[chosen, :q], late[chosen, np.newaxis]
+            anchors[chosen, :q] = w + tau * (w + tau / 2 * (w @ generator.S.T)) @ generator.S.T
+        return PiecewiseSignal(times, self.generators, self.kind, anchors)
 
     def scaled(self, gain: ArrayLike) -> PiecewiseSignal:
         """The signal times a number, each channel times its own (p,), or a matrix (k, p) times the signal.
 
-        Raises TrajectoryError for anything else.
+        Raises TrajectoryError for anything else, and for products beyond the range of floating-point numbers.
         """
-        gain = real_numbers("the gain of a signal", gain)
-        if not np.all(np.isfinite(gain)) or gain.ndim > 2 or gain.shape[-1:] not in ((), (self.n_channels,)):
+        factor = real_numbers("the gain of a signal", gain)
+        fits = factor.ndim == 0 or (factor.ndim <= 2 and factor.size and factor.shape[-1] == self.n_channels)
+        if not fits or not np.all(np.isfinite(factor)):
             raise TrajectoryError(
                 f"expected finite numbers to multiply the signal with: one, one for each of its {self.n_channels} channels, or a "
-                f"matrix (k, {self.n_channels}); got {gain.tolist()}"
+                f"matrix (k, {self.n_channels}); got {factor.tolist()}"
             )
-        matrix = np.asarray(gain, dtype=float) * np.eye(self.n_channels) if np.ndim(gain) < 2 else np.asarray(gain, dtype=float)
-        generators = tuple(Generator(g.S, matrix @ g.R) for g in self.generators)
+        matrix = factor if factor.ndim == 2 else factor * np.eye(self.n_channels)
+        with np.errstate(over="ignore", invalid="ignore"):  # refused by the generator
+            generators = tuple(Generator(g.S, matrix @ g.R) for g in self.generators)
         return PiecewiseSignal(self.breakpoints, generators, self.kind, self.anchors)
 
     def refined(self, times: ArrayLike) -> PiecewiseSignal:
-        """The same signal with further breakpoints, at those of `times` that are not yet among them."""
-        extra = np.setdiff1d(np.asarray(times, dtype=float).reshape(-1), self.breakpoints)
+        """The same signal with further breakpoints, at those of `times` (k,) [s] that are not yet among them."""
+        extra = np.setdiff1d(finite_times(times, None)[0], self.breakpoints)
         if extra.size == 0:
             return self
         breakpoints = np.sort(np.concatenate([self.breakpoints, extra]))
-        owner = self.locate(
-            np.concatenate([[breakpoints[0] - 1.0], (breakpoints[:-1] + breakpoints[1:]) / 2, [breakpoints[-1] + 1.0]])
-        )
+        owner = self.locate(_inner_times(breakpoints))
         anchor_times = np.concatenate([breakpoints[:1], breakpoints])
         anchors = np.zeros((len(owner), self.anchors.shape[1]))
         for index, generator in enumerate(self.generators):
@@ -207,19 +310,57 @@ class PiecewiseSignal:
 
     __rmul__ = __mul__
 
+    def __truediv__(self, divisor: ArrayLike) -> PiecewiseSignal:
+        """The signal divided by a number, or each channel by its own (p,). Raises TrajectoryError for 0 and anything else."""
+        numbers = real_numbers("the divisor of a signal", divisor)
+        with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
+            gain = 1 / numbers
+        if numbers.ndim > 1 or not np.all(np.isfinite(numbers)) or not np.all(np.isfinite(gain)):
+            raise TrajectoryError(
+                f"expected finite numbers other than zero to divide the signal by: one, or one for each of its {self.n_channels} "
+                f"channels; got {numbers.tolist()}"
+            )
+        return self.scaled(gain)
+
     def __neg__(self) -> PiecewiseSignal:
         """The signal with the other sign."""
         return self.scaled(-1.0)
 
-    def __sub__(self, other: PiecewiseSignal) -> PiecewiseSignal:
-        """Difference of two signals with the same number of channels."""
-        return self + -_signal(other)
+    def __add__(self, other: PiecewiseSignal | ArrayLike) -> PiecewiseSignal:
+        """Sum of two signals with the same number of channels, or of a signal and constants: one, or one for each channel (p,).
 
-    def __add__(self, other: PiecewiseSignal) -> PiecewiseSignal:
-        """Sum of two signals with the same number of channels. Raises TrajectoryError for anything else."""
-        if self.n_channels != _signal(other).n_channels:
+        Raises TrajectoryError for anything else.
+        """
+        if not isinstance(other, PiecewiseSignal):
+            offset = real_numbers("what is added to a signal", other)
+            if offset.shape not in ((), (self.n_channels,)) or not np.all(np.isfinite(offset)):
+                raise TrajectoryError(
+                    f"expected a signal to add, or finite constants: one, or one for each of the {self.n_channels} channels; got "
+                    f"{offset.tolist()}"
+                )
+            if not np.any(offset):
+                return self
+            other = constant_signal(np.broadcast_to(offset, self.n_channels), self.manoeuvre[0])
+        if self.n_channels != other.n_channels:
             raise TrajectoryError(f"cannot add signals of {self.n_channels} and {other.n_channels} channels")
         return _side_by_side(self, other, lambda *rows: np.hstack(rows))
+
+    __radd__ = __add__
+
+    def __sub__(self, other: PiecewiseSignal | ArrayLike) -> PiecewiseSignal:
+        """Difference of two signals, or of a signal and constants; see `+`."""
+        return self + (-other if isinstance(other, PiecewiseSignal) else -real_numbers("what is subtracted from a signal", other))
+
+    def __rsub__(self, other: ArrayLike) -> PiecewiseSignal:
+        """Constants minus the signal."""
+        return -self + other
+
+
+def constant_signal(values: Array, at: float) -> PiecewiseSignal:
+    """Constant values (p,), with one breakpoint [s]."""
+    return PiecewiseSignal(
+        np.array([at]), (constant_generator(len(values)),), np.zeros(2, dtype=np.intp), np.array([values, values])
+    )
 
 
 def finite_times(t: ArrayLike, inside: ArrayLike | None) -> tuple[Array, Array]:
@@ -231,10 +372,34 @@ def finite_times(t: ArrayLike, inside: ArrayLike | None) -> tuple[Array, Array]:
     return times, within
 
 
-def _signal(other: object) -> PiecewiseSignal:
-    if not isinstance(other, PiecewiseSignal):
-        raise TrajectoryError(f"expected a signal, such as rest_to_rest(...) or constant(...), got {type(other).__name__}")
-    return other
+def require_signal(name: str, value: object) -> PiecewiseSignal:
+    """The signal itself. Raises TrajectoryError for what is none."""
+    if not isinstance(value, PiecewiseSignal):
+        raise TrajectoryError(f"{name} must be a signal, such as rest_to_rest(...) or constant(...), got {type(value).__name__}")
+    return value
+
+
+def require_list(name: str, value: object, meaning: str) -> list[Any]:
+    """What a list, tuple or array holds. Raises TrajectoryError for anything else, and for masked arrays."""
+    listed = isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.ndim > 0)
+    if not listed or isinstance(value, (str, bytes, np.ma.MaskedArray)):
+        raise TrajectoryError(f"{name} must be a list of {meaning}, got {type(value).__name__}")
+    return list(value)  # type: ignore[call-overload, no-any-return]
+
+
+def channel_values(name: str, value: ArrayLike) -> Array:
+    """One finite value for each channel (p,); a number stands for one channel. Raises TrajectoryError for anything else."""
+    values = np.atleast_1d(real_numbers(name, value))
+    if values.ndim != 1 or not len(values) or not np.all(np.isfinite(values)):
+        raise TrajectoryError(f"{name} must be one finite value, or one for each channel (p,), got {values.tolist()}")
+    return values
+
+
+def _inner_times(edges: Array) -> Array:
+    """One time inside each piece between, before and after the edges (m + 1,), also where these are neighbouring numbers."""
+    middle = edges[:-1] + np.diff(edges) / 2
+    middle = np.where(middle < edges[1:], middle, edges[:-1])
+    return np.concatenate([[min(edges[0] - 1.0, np.nextafter(edges[0], -np.inf))], middle, [edges[-1] + 1.0]])
 
 
 def selection(mask: NDArray[np.bool_]) -> slice | Indices | None:
@@ -251,14 +416,13 @@ def stack(signals: Sequence[PiecewiseSignal]) -> PiecewiseSignal:
 
     Raises TrajectoryError for none, and for what is no signal.
     """
-    if isinstance(signals, PiecewiseSignal) or not len(signals):
-        raise TrajectoryError(
-            "expected a list of signals to stack, such as [rest_to_rest(...), constant(0.0)], with at least one of them"
-        )
-    for signal in signals:
-        _signal(signal)
-    result = signals[0]
-    for signal in signals[1:]:
+    listed = require_list("signals", signals, "signals to stack, such as [rest_to_rest(...), constant(0.0)]")
+    if not listed:
+        raise TrajectoryError("signals must be a list of signals to stack, at least one, got none")
+    for i, signal in enumerate(listed):
+        require_signal(f"signal {i} of those to stack", signal)
+    result: PiecewiseSignal = listed[0]
+    for signal in listed[1:]:
         result = _side_by_side(result, signal, scipy.linalg.block_diag)
     return result
 

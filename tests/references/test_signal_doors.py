@@ -24,7 +24,15 @@ def test_arithmetic() -> None:
     assert (2 * MOVE)(TIMES) == pytest.approx(2 * MOVE(TIMES))
     assert (MOVE * np.float64(0.5))(TIMES) == pytest.approx(0.5 * MOVE(TIMES))
     assert (np.float64(0.5) * MOVE)(TIMES) == pytest.approx(0.5 * MOVE(TIMES))
+    assert (MOVE * 2)(TIMES) == pytest.approx(2 * MOVE(TIMES))
+    assert (MOVE / 4)(TIMES) == pytest.approx(MOVE(TIMES) / 4)
+    assert (MOVE + 0.5)(TIMES) == pytest.approx(MOVE(TIMES) + 0.5)
+    assert (1.0 - MOVE)(TIMES) == pytest.approx(1.0 - MOVE(TIMES))
+    assert (MOVE - np.float64(2.0))(TIMES) == pytest.approx(MOVE(TIMES) - 2.0)
+    assert sum([MOVE, BACK, MOVE])(TIMES) == pytest.approx(2 * MOVE(TIMES) + BACK(TIMES))
     pair = stack([MOVE, BACK])
+    assert (pair + np.array([1.0, -2.0]))(TIMES) == pytest.approx(pair(TIMES) + np.array([1.0, -2.0]))
+    assert (pair / [2.0, 5.0])(TIMES) == pytest.approx(pair(TIMES) / [2.0, 5.0])
     assert ([2.0, 3.0] * pair)(TIMES) == pytest.approx(pair(TIMES) * [2.0, 3.0])
     assert ([[1.0, 1.0]] * pair)(TIMES)[:, 0] == pytest.approx(np.sum(pair(TIMES), axis=1))
 
@@ -41,13 +49,14 @@ def test_arithmetic() -> None:
         (lambda: MOVE(1.0, derivative=0.5), r"derivative must be a whole number"),
         (lambda: MOVE.scaled(np.nan), r"expected finite numbers to multiply"),
         (lambda: MOVE.scaled([1.0, 2.0]), r"one for each of its 1 channels"),
-        (lambda: MOVE + 1.0, r"expected a signal, such as rest_to_rest.* got float"),
-        (lambda: MOVE - None, r"expected a signal.* got NoneType"),
-        (lambda: constant([[1.0]]), r"expected one value, or one for each channel"),
-        (lambda: constant([]), r"expected one value"),
-        (lambda: stack([]), r"expected a list of signals"),
-        (lambda: stack(MOVE), r"expected a list of signals"),
-        (lambda: stack([MOVE, 1.0]), r"expected a signal.* got float"),
+        (lambda: MOVE + np.array([1.0, 2.0]), r"one for each of the 1 channels; got \[1.0, 2.0\]"),
+        (lambda: MOVE - None, r"what is subtracted from a signal must be real numbers, got None"),
+        (lambda: MOVE / 0.0, r"finite numbers other than zero to divide"),
+        (lambda: constant([[1.0]]), r"value must be one finite value, or one for each channel"),
+        (lambda: constant([]), r"value must be one finite value"),
+        (lambda: stack([]), r"list of signals to stack, at least one, got none"),
+        (lambda: stack(MOVE), r"must be a list of signals to stack, .* got PiecewiseSignal"),
+        (lambda: stack([MOVE, 1.0]), r"signal 1 of those to stack must be a signal.* got float"),
         (lambda: invtrack.invert(PLANT, MOVE).inputs([np.nan]), r"expected finite times"),
         (lambda: invtrack.invert(PLANT, MOVE)(1.0, inside=np.inf), r"expected finite times"),
     ],
