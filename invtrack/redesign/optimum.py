@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,8 @@ from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.redesign.cost import Weights, square_root
+from invtrack.redesign.double_double import DoubleDouble
+from invtrack.redesign.riccati import QuadraticCost, optimal_feedback
 from invtrack.references.signal import Generator
 
 AXIS_TOLERANCE = 1e-6
@@ -23,11 +26,32 @@ HIDDEN_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
+class TrackedSystem:
+    """x' = A x + B u, y = C x + D u, with any number of outputs: A (n, n), B (n, p), C (m, n), D (m, p)."""
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+
+    @classmethod
+    def of(cls, models: Sequence[StateSpace]) -> TrackedSystem:
+        """Models side by side, one input for all of them: states and outputs of the first, then of the second, and so on."""
+        return cls(
+            A=scipy.linalg.block_diag(*(model.A for model in models)),
+            B=np.vstack([model.B for model in models]),
+            C=scipy.linalg.block_diag(*(model.C for model in models)),
+            D=np.vstack([model.D for model in models]),
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class Optimum:
-    """[x; u; y] = X_f xi + X_b s + X_y y_d with xi' = A_c xi + E_f y_d and s' = -A_c's + E_b y_d, A_c stable.
+    """[x; u; y; costate] = X_f xi + X_b s + X_y y_d with xi' = A_c xi + E_f y_d and s' = -A_c's + E_b y_d, A_c stable.
 
     xi is integrated forward, s backward in time: the parts of `system`; what is continuous through a jump of the plant is
-    [x; costate]. E_f, E_b (n, p), X_y (n + 2 p, p).
+    [x; costate]. E_f, E_b (n, m), X_y (2 n + p + m, m); y_d (m,) may be the reference
+    several times over.
     """
 
     system: TwoSidedSystem
@@ -37,7 +61,7 @@ class Optimum:
 
     def driven(self, generator: Generator) -> DrivenSystem:
         """The optimum for a reference y_d = R w, w' = S w."""
-        R = generator.R
+        R = np.tile(generator.R, (self.E_f.shape[1] // len(generator.R), 1))
         return DrivenSystem(
             system=self.system,
             S=generator.S,
@@ -48,47 +72,59 @@ class Optimum:
         )
 
 
-def optimum(system: StateSpace, weights: Weights) -> Optimum:
+def optimum(system: TrackedSystem, weights: Weights) -> Optimum:
     """Minimiser of the integral of u'R u + x'Q_x x + (y - y_d)'Q_y (y - y_d) over all of time, y = C x + D u.
 
     u = -K x - R_u^-1 (B's - D'Q_y y_d) with R_u = R + D'Q_y D and K = R_u^-1 (B'P + D'Q_y C), P the stabilizing solution of the
     Riccati equation; s' = -A_c's + (C - D K)'Q_y y_d, A_c = A - B K. s drives x; with A_c L + L A_c' = B R_u^-1 B' it no longer
-    drives xi = x - L s, and each of the two runs in its own stable direction.
+    drives xi = x - L s, and each of the two runs in its own stable direction. The costate is P x + s.
 
     Raises RedesignError where no stabilizing solution exists. Sources: Devasia 1996 (AIAA note on output-trajectory redesign) for
     the problem; the solution is the linear-quadratic tracker.
     """
     state_unit, input_unit = _units(system, weights)
-    A, C = system.A * state_unit / state_unit[:, None], system.C * state_unit
-    B, D = system.B @ input_unit / state_unit[:, None], system.D @ input_unit  # in these units R_u is the identity
-    Q_y = weights.Q_y
-    Q, N = state_unit[:, None] * weights.Q_x * state_unit + C.T @ Q_y @ C, C.T @ Q_y @ D
-    _require_solvable(A, B, Q, N)
-    P = _riccati(A, B, Q, N)
-    K = B.T @ P + N.T
-    A_c = A - B @ K
-    L = scipy.linalg.solve_continuous_lyapunov(A_c, B @ B.T)
-    E_b = (C - D @ K).T @ Q_y
-    E_f = B @ D.T @ Q_y - L @ E_b
+    A, C = DoubleDouble.of(system.A * state_unit / state_unit[:, None]), DoubleDouble.of(system.C * state_unit)
+    into = DoubleDouble.of(input_unit)  # in these units R_u is the identity, to rounding
+    B, D = DoubleDouble.of(system.B / state_unit[:, None]) @ into, DoubleDouble.of(system.D) @ into
+    Q_y = DoubleDouble.of(weights.Q_y)
+    problem = QuadraticCost(
+        A=A,
+        B=B,
+        Q=DoubleDouble.of(state_unit[:, None] * weights.Q_x * state_unit) + C.transposed @ Q_y @ C,
+        N=C.transposed @ Q_y @ D,
+        R=into.transposed @ DoubleDouble.of(weights.R) @ into + D.transposed @ Q_y @ D,
+    )
+    _require_solvable(A.rounded, B.rounded, problem.Q.rounded, problem.N.rounded)
+    feedback = optimal_feedback(problem)
+    P, K, L, W = feedback.P, feedback.K, feedback.L, problem.inverse_weight()
+    identity = DoubleDouble.of(np.eye(len(system.A)))
+    PL = P @ L
+    E_b = (C - D @ K).transposed @ Q_y
+    E_f = B @ W @ D.transposed @ Q_y - L @ E_b
+    direct = W @ D.transposed @ Q_y
 
-    def values(x_rows: Array, u_rows: Array) -> Array:
-        """Rows of [x; u; y] in the units of the plant."""
-        return np.vstack([state_unit[:, None] * x_rows, input_unit @ u_rows, C @ x_rows + D @ u_rows])
+    def values(x: DoubleDouble, u: DoubleDouble, costate: Array) -> Array:
+        """Rows of [x; u; y; costate] in the units of the plant."""
+        y = (C @ x + D @ u).rounded
+        return np.vstack([state_unit[:, None] * x.rounded, (into @ u).rounded, y, costate / state_unit[:, None]])
 
-    def continuous(x_rows: Array, costate_rows: Array) -> Array:
-        return np.vstack([state_unit[:, None] * x_rows, costate_rows / state_unit[:, None]])
+    def part(M: DoubleDouble, x: DoubleDouble, u: DoubleDouble, costate: DoubleDouble) -> Part:
+        rows = values(x, u, costate.rounded)
+        n = len(state_unit)
+        return Part(M.rounded, rows, np.vstack([rows[:n], rows[-n:]]))
 
-    identity = np.eye(len(A))
-    apart = np.block([[identity + L @ P, -L], [-P, identity]])  # of [x; costate] = [I, L; P, P L + I] [xi; s]
+    apart = np.block([[(identity + PL.transposed).rounded, -L.rounded], [-P.rounded, identity.rounded]])  # of [x; costate]
     two_sided = TwoSidedSystem(
-        forward=Part(A_c, values(identity, -K), continuous(identity, P)),
-        backward=Part(-A_c.T, values(L, -K @ L - B.T), continuous(L, P @ L + identity)),
+        forward=part(feedback.A_c, identity, -K, P),
+        backward=part(-feedback.A_c.transposed, L, -(K @ L) - W @ B.transposed, PL + identity),
         T=apart * np.concatenate([1 / state_unit, state_unit]),
     )
-    return Optimum(two_sided, E_f, E_b, values(np.zeros((len(A), len(D))), D.T @ Q_y))
+    nothing = np.zeros((len(system.A), len(system.D)))
+    X_y = values(DoubleDouble.of(nothing), direct, nothing)
+    return Optimum(two_sided, E_f.rounded, E_b.rounded, X_y)
 
 
-def _units(system: StateSpace, weights: Weights) -> tuple[Array, Array]:
+def _units(system: TrackedSystem, weights: Weights) -> tuple[Array, Array]:
     """Units (n,) of the states in which no entry dwarfs the others, and (p, p) of the inputs in which R_u = 1."""
     R_u = weights.input_weight(system.D)
     scale = np.sqrt(np.diag(R_u))
@@ -133,16 +169,3 @@ def _hidden_mode(M: Array, rows: Array, *, unstable_too: bool) -> complex | None
         if np.linalg.svd(test, compute_uv=False)[-1] <= HIDDEN_TOLERANCE * size:
             return at
     return None
-
-
-def _riccati(A: Array, B: Array, Q: Array, N: Array) -> Array:
-    """The stabilizing solution P of A'P + P A - (P B + N)(P B + N)' + Q = 0."""
-    advice = "bring the weights and the units of the states closer to each other"
-    try:
-        P: Array = scipy.linalg.solve_continuous_are(A, B, Q, np.eye(B.shape[1]), s=N)
-    except (np.linalg.LinAlgError, ValueError) as error:
-        raise RedesignError(f"the Riccati equation of the redesign has no stabilizing solution: {error}; {advice}") from error
-    poles = np.linalg.eigvals(A - B @ (B.T @ P + N.T))
-    if not np.max(poles.real) < 0:
-        raise RedesignError(f"the optimal feedback does not stabilize: poles {np.round(poles, 6).tolist()}; {advice}")
-    return P

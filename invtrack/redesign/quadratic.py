@@ -16,7 +16,7 @@ from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import Driveable, two_sided_problem
 from invtrack.redesign.cost import FREE_HOLDING, ROUNDING, Weights, as_weights, without_rounding
-from invtrack.redesign.optimum import optimum
+from invtrack.redesign.optimum import TrackedSystem, optimum
 from invtrack.references.signal import Generator, PiecewiseSignal
 
 
@@ -83,10 +83,11 @@ def free_optimum(
     problem = _held_still(PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation))
     weights = as_weights(problem.plant, R=R, Q_x=Q_x, Q_y=Q_y).in_unit()  # the optimum does not depend on what cost is counted in
     if np.any(weights.Q_y):
-        models: Sequence[Driveable] = problem.plant.map(lambda system: optimum(system, weights))
+        models: Sequence[Driveable] = problem.plant.map(lambda system: optimum(TrackedSystem.of([system]), weights))
     else:  # where nothing is asked of the output, not to move (the Riccati equation may have no stabilizing solution)
-        models = [_Rest(problem.plant.n_states + 2 * problem.plant.n_channels)] * len(problem.plant)
-    trajectory = two_sided_problem(problem, models, one_unit=False).solve().trajectory()
+        models = [_Rest(2 * problem.plant.n_states + 2 * problem.plant.n_channels)] * len(problem.plant)
+    whole = two_sided_problem(problem, models, one_unit=False).solve().trajectory()
+    trajectory = whole.mapped(np.eye(problem.plant.n_states + 2 * problem.plant.n_channels, whole.rows))
     _require_free_holding(problem, trajectory, weights)
     return FreeOptimum(problem, weights, trajectory)
 
