@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from invtrack.arrays import Array
 from invtrack.errors import BoundednessError, CompatibilityError, TrajectoryError
+from invtrack.inversion.axis_zeros import require_rest_held, require_rest_left, split_through_axis
 from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
 from invtrack.linear.normal_form import NormalForm
 from invtrack.linear.state_space import StateSpace
@@ -65,6 +66,7 @@ class InverseSystem:
             Part(split.A_u, _values(plant, split, x_u, correction.feedback @ x_u), x_u),
             T,
             len(form.C_star),
+            split.neutral,
         )
         return cls(plant, split, correction, system)
 
@@ -241,9 +243,10 @@ def require_consistent(plant: SwitchedSystem, equations: TwoSidedSolution) -> No
             )
     if solution.inconsistency[-1] > CONSISTENCY_TOLERANCE * scale:
         n_u = [stretch.system.backward.size for stretch in (equations.stretches[0], equations.stretches[-1])]
+        n_u[1] += len(equations.stretches[-1].system.neutral) if n_u[0] > n_u[1] else 0
         raise BoundednessError(
             f"no bounded inverse: {n_u[0]} antistable zero(s) before the manoeuvre give {n_u[0]} unknown(s) for the {n_u[1]} "
-            "condition(s) that keep the internal state bounded after it, and these fail by "
+            "condition(s) that keep the internal state bounded after it (and at rest in zeros on the axis), and these fail by "
             f"{solution.inconsistency[-1] / scale:.1e} of the trajectory's size; change the reference, the last interval's "
             "parameters, or the output"
         )
@@ -259,19 +262,23 @@ def invert(
     """The bounded input and state with which the output of `model` follows `reference` exactly.
 
     x' = A_k x + B_k u, C_k x = y_d on all of time, x continuous through the jumps. Internal dynamics: stable part forward from
-    rest, antistable part backward from rest, so the input acts before the manoeuvre (preactuation) and rings down after it.
+    rest, antistable part backward from rest, so the input acts before the manoeuvre (preactuation) and rings down after it. What
+    belongs to zeros on the imaginary axis runs forward, from rest; a reference that leaves it at rest is served.
 
     model: StateSpace, SwitchedSystem, or anything with A, B, C, D. reference: absolute, in the units of the outputs. tolerance:
     what counts as rest at the two ends, as a share of each state's and input's peak; it sets how early the plan starts.
     max_preactuation [s] limits that, at the price of a start that is not quite at rest, which `remarks` states.
 
     Raises TrajectoryError (reference not smooth enough, wrong number of channels), PlanError (options out of range; too
-    ill-conditioned), RelativeDegreeError, NonHyperbolicError (zeros on the imaginary axis in the first or last interval),
-    CompatibilityError (a jump at which no continuous state keeps the output exact), BoundednessError (no bounded solution).
+    ill-conditioned), RelativeDegreeError, NonHyperbolicError (the reference leaves motion in zeros on the imaginary axis
+    of the last interval, or holds outputs that drive a zero at the origin), CompatibilityError (a jump at which no continuous state
+    keeps the output exact), BoundednessError (no bounded solution).
     Sources: Devasia, Chen, Paden 1996; Devasia, Paden, Rossi 1996, Lemma 1.
     """
     problem = PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation)
-    splits = split_each(problem.plant)
+    splits = split_through_axis(problem.plant)
+    require_rest_held(problem, splits)
     require_smooth(problem.plant, splits, problem.deviation)
     solution = bounded_solution(problem, splits)
-    return problem.plan("stable inversion", solution.trajectory, exact=True, remarks=solution.remarks)
+    remarks = solution.remarks + require_rest_left(problem, splits, solution.equations)
+    return problem.plan("stable inversion", solution.trajectory, exact=True, remarks=remarks)

@@ -17,9 +17,10 @@ from invtrack.errors import (
     RelativeDegreeError,
     TrajectoryError,
 )
+from invtrack.inversion.axis_zeros import split_interval
 from invtrack.inversion.exact import inverse_problem, invert
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
-from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
+from invtrack.linear.internal_dynamics import SplitDynamics
 from invtrack.linear.normal_form import NormalForm, couplings
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace
@@ -32,7 +33,7 @@ from invtrack.references.signal import PiecewiseSignal
 CONDITIONS: dict[type[InvtrackError], str] = {
     TrajectoryError: "smoothness of the reference",
     RelativeDegreeError: "an inverse in every interval",
-    NonHyperbolicError: "no zeros on the imaginary axis before and after the manoeuvre",
+    NonHyperbolicError: "rest in the zeros on the imaginary axis before and after the manoeuvre",
     CompatibilityError: "compatibility at the jumps",
     BoundednessError: "boundedness before and after the manoeuvre",
 }
@@ -81,8 +82,8 @@ def _examine(system: StateSpace, *, endless: bool) -> tuple[ZeroReport | None, S
     zeros = None
     try:
         zeros = zero_report(system)
-        return zeros, split_dynamics(system, endless=endless), None
-    except (RelativeDegreeError, NonHyperbolicError) as error:
+        return zeros, split_interval(system, endless=endless), None
+    except RelativeDegreeError as error:
         return zeros, None, error
 
 

@@ -150,6 +150,12 @@ class FeasibilityReport:
         """Whether even the stable and antistable subspaces never change: then every admissible reference has one inverse."""
         return self.assumption_4 and all(jump.same_parts for jump in self.jumps)
 
+    @property
+    def rests(self) -> bool:
+        """Whether zeros of the first or last interval lie on the imaginary axis, whose motion has to come to rest."""
+        ends = (self.intervals[0].zeros, self.intervals[-1].zeros)
+        return any(zeros is not None and bool(zeros.on_axis) for zeros in ends)
+
     def __str__(self) -> str:
         verdict = "not solvable" if not self.solvable else "solvable, unique" if self.unique else "solvable, not unique"
         lines = [f"Exact output tracking: {verdict}"]
@@ -175,7 +181,8 @@ class FeasibilityReport:
         if b.dependent:
             lines.append(f"Lemma 4: rank [S_N L_s,N] falls {b.dependent} short of n_z, so not every reference can be followed")
         else:
-            lines.append("Lemma 4: rank [S_N L_s,N] = n_z, so every smooth enough reference can be followed")
+            which = "that leaves the zeros on the imaginary axis at rest " if self.rests else ""
+            lines.append(f"Lemma 4: rank [S_N L_s,N] = n_z, so every smooth enough reference {which}can be followed")
         if self.jumps and self.invariant:
             lines.append("the stable and antistable subspaces are the same throughout: one inverse for every such reference")
         return lines

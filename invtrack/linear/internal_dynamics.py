@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +23,9 @@ AXIS_TOLERANCE = 1e-8
 
 ROUNDING_FACTOR = 10.0
 """Uncertainty of the internal dynamics' matrix, in units of n eps times the norm of the terms that it is the sum of."""
+
+NOT_UNIQUE = "so the bounded inverse does not exist or is not unique, and none decays both before and after the manoeuvre"
+"""What follows from zeros on the axis in general."""
 
 REMEDIES = {
     "transmission zero": "move these poles of the inverse off the axis (invtrack.modified_inversion), or track another output",
@@ -63,6 +66,8 @@ class SplitDynamics:
         G_s, G_u: (n_s, rho + p) and (n_u, rho + p).
         W_s, W_u: (n_z, n_s) and (n_z, n_u).
         L_s, L_u: (n_s, n_z) and (n_u, n_z).
+        neutral: of the zeros on the imaginary axis, where they are kept apart as the last n_c entries of z_s, the pseudoinverse of
+            their block of A_s (n_c, n_c); see `TwoSidedSystem`.
     """
 
     internal: InternalDynamics
@@ -74,6 +79,7 @@ class SplitDynamics:
     W_u: Array
     L_s: Array
     L_u: Array
+    neutral: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @cached_property
     def propagators(self) -> tuple[Propagator, Propagator]:
@@ -147,7 +153,7 @@ def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics
     refused = on_axis(internal)
     if np.any(refused) and endless:
         kinds = zero_kinds(system, internal.zeros)
-        raise NonHyperbolicError(_axis_message(internal, refused, kinds))
+        raise NonHyperbolicError(axis_message(internal, refused, kinds, NOT_UNIQUE))
     stable = refused | (internal.zeros.real <= 0)
     # By the nearest zero: reordering the Schur form puts one on the axis to either side of it.
     return split_by(internal, lambda zero: bool(stable[np.argmin(np.abs(internal.zeros - zero))]))
@@ -178,12 +184,20 @@ def split_by(internal: InternalDynamics, stable: Callable[[complex], bool]) -> S
     )
 
 
-def _axis_message(internal: InternalDynamics, refused: NDArray[np.bool_], kinds: Sequence[str]) -> str:
+def axis_message(internal: InternalDynamics, refused: NDArray[np.bool_], kinds: Sequence[str], consequence: str) -> str:
+    """The sentence that refuses some of the zeros on the imaginary axis: what follows from them, and what can be done.
+
+    Args:
+        internal: the internal dynamics.
+        refused: which of the zeros (n_z,).
+        kinds: of all zeros (n_z,), see `zero_kinds`.
+        consequence: what follows from their being on the axis.
+    """
     size = float(np.max(np.abs(internal.zeros)))
     listed = format_zeros(internal.zeros[refused], size)
     message = (
         f"internal dynamics are not hyperbolic: zeros at {listed} lie on the imaginary axis to within what the model "
-        "resolves, so the bounded inverse does not exist or is not unique, and none decays both before and after the manoeuvre"
+        f"resolves, {consequence}"
     )
     for kind, remedy in REMEDIES.items():
         alike = internal.zeros[refused & (np.array(kinds) == kind)]

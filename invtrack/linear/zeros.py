@@ -133,7 +133,7 @@ class ZeroReport:
     def _sentences(self) -> list[str]:
         sentences = []
         if self.on_axis:
-            sentences.append("  zeros on the imaginary axis: stable inversion refuses this plant")
+            sentences.append("  zeros on the imaginary axis: stable inversion serves references that leave nothing moving there")
         if self.near_axis:
             listed = format_zeros([zero.value for zero in self.near_axis])
             sentences.append(f"  near the imaginary axis (damping ratio below {NEAR_AXIS:g}): {listed}")

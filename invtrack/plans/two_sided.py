@@ -7,7 +7,7 @@ map are all of this form; they differ in who fills it in.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -56,17 +56,31 @@ class TwoSidedSystem:
     another J_f z_f + J_b z_b + (reference) is continuous, (m,). T (rho + n_f + n_b, m) takes it apart: T J_f = [0; I; 0] and
     T J_b = [0; 0; I]. Its first `prescribed` = rho rows pick what the reference alone decides (an inverse's outputs and their
     derivatives): before a jump they are the compatibility conditions on z_f, z_b.
+
+    The last n_c states of the forward part may be neutral: decoupled from the others, neither decaying nor growing. They start from
+    rest and have to end at rest. `neutral` (n_c, n_c) is the pseudoinverse of their A_c, which may be singular.
     """
 
     forward: Part
     backward: Part
     T: Array
     prescribed: int = 0
+    neutral: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def size(self) -> int:
         """Number of states n_f + n_b."""
         return self.forward.size + self.backward.size
+
+    @property
+    def decaying(self) -> int:
+        """Number of states of the forward part that decay, n_f - n_c."""
+        return self.forward.size - len(self.neutral)
+
+    @property
+    def moves_neutral(self) -> Array:
+        """What of a departure of the neutral states from rest is not rest itself (n_c, n_c): all but the kernel of A_c."""
+        return np.asarray(self.neutral @ self.forward.A[self.decaying :, self.decaying :])
 
     @cached_property
     def propagators(self) -> tuple[Propagator, Propagator]:
@@ -79,7 +93,7 @@ class TwoSidedSystem:
         T = self.T.copy()
         T[rho : rho + n_f] /= forward
         T[rho + n_f :] /= backward
-        return TwoSidedSystem(self.forward.in_unit(forward), self.backward.in_unit(backward), T, rho)
+        return replace(self, forward=self.forward.in_unit(forward), backward=self.backward.in_unit(backward), T=T)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +134,16 @@ class DrivenSystem:
     def steady(self) -> tuple[Array, Array]:
         """z_f = steady_f w and z_b = steady_b w (., q), bounded where the reference runs on for ever: equilibria where it holds.
 
-        Raises InversionError where a mode of the reference is an eigenvalue of A_f or A_b.
+        Neutral states that no held reference lets rest get what comes nearest. Raises InversionError where a mode of the reference
+        is an eigenvalue of A_f or A_b.
         """
-        return _steady(self.system.forward.A, self.D_f, self.S), _steady(self.system.backward.A, self.D_b, self.S)
+        n, A_f = self.system.decaying, self.system.forward.A
+        steady_f = _steady(A_f[:n, :n], self.D_f[:n], self.S)
+        if n < len(A_f):
+            D_c = self.D_f[n:]
+            neutral = _steady(A_f[n:, n:], D_c, self.S) if np.any(self.S) else -self.system.neutral @ D_c
+            steady_f = np.vstack([steady_f, neutral])
+        return steady_f, _steady(self.system.backward.A, self.D_b, self.S)
 
     def tail_before(self, w: Array, z_b: Array) -> Tail:
         """The tail before a manoeuvre at whose start the backward part is z_b: z_f steady, z_b on its way from its steady value."""
@@ -132,11 +153,19 @@ class DrivenSystem:
         return Tail(-1, -backward.A, backward.X, z_b - steady_b @ w, self.S, X_w, w)
 
     def tail_after(self, w: Array, z_f: Array) -> Tail:
-        """The tail after a manoeuvre at whose end the forward part is z_f: z_b steady, z_f on its way to its steady value."""
+        """The tail after a manoeuvre at whose end the forward part is z_f: z_b steady, z_f on its way to its steady value.
+
+        Neutral states are taken to rest: with an A_c that is singular they may rest elsewhere than at their steady value.
+        """
         steady_f, steady_b = self.steady()
-        forward, backward = self.system.forward, self.system.backward
+        forward, backward, n = self.system.forward, self.system.backward, self.system.decaying
         X_w = self.X_w + forward.X @ steady_f + backward.X @ steady_b
-        return Tail(1, forward.A, forward.X, z_f - steady_f @ w, self.S, X_w, w)
+        departure, S = z_f - steady_f @ w, self.S
+        if n < len(departure):
+            resting = departure[n:] - self.system.moves_neutral @ departure[n:]
+            X_w = np.column_stack([X_w, forward.X[:, n:] @ resting])
+            S, w = scipy.linalg.block_diag(S, 0.0), np.append(w, 1.0)
+        return Tail(1, forward.A[:n, :n], forward.X[:, :n], departure[:n], S, X_w, w)
 
     def derivative(self) -> DrivenSystem:
         """The system whose values are the time derivatives of this one's."""

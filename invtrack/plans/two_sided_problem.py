@@ -64,15 +64,15 @@ class Stretch:
         return forward.matrix(self.lengths.sum()), backward.matrix(self.lengths.sum())
 
     @cached_property
-    def peak(self) -> float:
-        """The largest value that the reference alone causes."""
+    def peaks(self) -> Array:
+        """The largest value of each of z_f and z_b that the reference alone causes (n_f + n_b,)."""
         forced_f, forced_b = self.forced
-        peak = max(np.max(np.abs(z), initial=0.0) for z in (forced_f, forced_b))
+        found = [np.hstack([np.max(np.abs(z), axis=0, initial=0.0) for z in (forced_f, forced_b)])]
         for share in (1 / 3, 2 / 3):  # at the ends of pieces alone all may happen to pass through zero
             inner_f = self._driven(0, forced_f[:-1], self.w_start, share * self.lengths)
             inner_b = self._driven(1, forced_b[1:], self.w_end, share * self.lengths)
-            peak = max(peak, *(np.max(np.abs(z), initial=0.0) for z in (inner_f, inner_b)))
-        return float(peak)
+            found.append(np.hstack([np.max(np.abs(z), axis=0, initial=0.0) for z in (inner_f, inner_b)]))
+        return np.asarray(np.max(found, axis=0))
 
     def states(self, v: Array) -> tuple[Array, Array]:
         """z_f at the start and z_b at the end of each piece, (k, n_f) and (k, n_b), for v = [z_f(start); z_b(end)]."""
@@ -152,7 +152,7 @@ class TwoSidedProblem(Pieces):
         z_first = before.steady()[0] @ self.anchor(0)
         z_last = after.steady()[1] @ self.anchor(-1)
         none = np.zeros((0, 0))
-        conditions, checks, rows, sizes = [], [], [], [stretch.peak for stretch in stretches]
+        conditions, checks, rows, sizes = [], [], [], [float(np.max(stretch.peaks, initial=0.0)) for stretch in stretches]
         for k, (left, right) in enumerate(itertools.pairwise(stretches)):
             condition, check, size = _conditions(left, right, *self._joined(k), self.peaks[k], self.ratios)
             conditions.append(condition)
@@ -160,12 +160,12 @@ class TwoSidedProblem(Pieces):
             rows.append(len(condition.rhs) - right.system.size)
             sizes.append(size)
         sizes += [float(np.max(np.abs(z), initial=0.0)) for z in (z_first, z_last)]
-        n_last = stretches[-1].system.size
-        boundary = solve(
-            Conditions(np.eye(len(z_first), stretches[0].system.size), none, z_first),
-            conditions,
-            Conditions(np.eye(n_last)[n_last - len(z_last) :], none, z_last),
-        )
+        last = stretches[-1]
+        rest_before = Conditions(np.eye(len(z_first), stretches[0].system.size), none, z_first)
+        rest_after = Conditions(np.eye(len(z_last), last.system.size, k=last.system.forward.size), none, z_last)
+        boundary = solve(rest_before, conditions, rest_after)
+        if boundary.freedom and len(last.system.neutral):  # where nothing is left open, rest is for the caller to judge
+            boundary = solve(rest_before, conditions, _at_rest(last, after.steady()[0] @ self.anchor(-1), z_last))
         return TwoSidedSolution(self, stretches, boundary, checks, rows, max(sizes))
 
     def _stretches(self) -> list[Stretch]:
@@ -266,6 +266,16 @@ class TwoSidedSolution:
         """z_f at the end of the manoeuvre."""
         return self.stretches[-1].outer(self.boundary.values[-1])[0]
 
+    @property
+    def unrest(self) -> tuple[Array, float]:
+        """What keeps the neutral states of the last stretch from rest at its end (n_c,), and their peak in it."""
+        stretch = self.stretches[-1]
+        system, n = stretch.system, stretch.system.decaying
+        steady = self.problem.driven[self.problem.which[-1]].steady()[0] @ self.problem.anchor(-1)
+        start = np.abs(self.boundary.values[-1][n : system.forward.size])
+        size = max(np.max(values, initial=0.0) for values in (stretch.peaks[n : system.forward.size], start))
+        return system.moves_neutral @ (self.last_f - steady)[n:], float(size)
+
     def trajectory(self) -> Trajectory:
         """The values on all of time."""
         return two_sided_trajectory(self.problem, *self.states(), self.first_b, self.last_f)
@@ -337,3 +347,15 @@ def _conditions(
     scale = np.concatenate([row_size[:rho], np.ones(len(T) - rho)])[kept]
     conditions = Conditions(rows_left[kept] / scale[:, None], rows_right[kept] / scale[:, None], rhs[kept] / scale)
     return conditions, (worst, float(misses[worst]) if len(misses) else 0.0), float(np.max(rhs_size[kept] / scale, initial=0.0))
+
+
+def _at_rest(stretch: Stretch, steady_f: Array, steady_b: Array) -> Conditions:
+    """z_b steady where the manoeuvre ends, and neutral states at rest there."""
+    system, n, n_b = stretch.system, stretch.system.decaying, stretch.system.backward.size
+    moves = system.moves_neutral
+    resting = np.hstack([moves @ stretch.transitions[0][n:], np.zeros((len(moves), n_b))])
+    return Conditions(
+        np.vstack([np.eye(n_b, system.size, k=system.forward.size), resting]),
+        np.zeros((0, 0)),
+        np.concatenate([steady_b, moves @ (steady_f - stretch.forced[0][-1])[n:]]),
+    )

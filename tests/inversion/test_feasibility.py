@@ -73,7 +73,7 @@ PROBLEMS: dict[str, tuple[Any, PiecewiseSignal, str, int | None]] = {
     "new gain, fitting": (jumping(system(1.0), system(1.0, gain=2.0), at=[1.5]), DOUBLING, "", 0),
     "relative degree changes at rest": (jumping(POSITION, MIXED, at=[3.0]), MOTION, "", 0),
     "relative degree changes in motion": (jumping(POSITION, MIXED), MOTION, "compatibility", 0),
-    "zero on the axis": (jumping(system(1.0), system(0.0)), MOTION, "no zeros on the imaginary axis", None),
+    "zero on the axis": (jumping(system(1.0), system(0.0)), MOTION, "rest in the zeros on the imaginary axis", None),
     "axis in between": (jumping(system(1.0), system(0.0), system(1.0), at=[0.5, 1.0]), MOTION, "", 0),
     "no inverse": (
         StateSpace(np.zeros((2, 2)), np.ones((2, 2)), np.eye(2)),
@@ -231,15 +231,17 @@ def test_misses_are_the_sizes_by_which_conditions_fail() -> None:
     assert report.boundary.final_miss > 0.1
 
 
-def test_a_report_on_part_of_what_can_be_known() -> None:
-    """An interval on the axis leaves the others' zeros and the other jumps' subspaces to report."""
+def test_a_zero_on_the_axis_is_reported_like_any_other() -> None:
+    """The last interval's internal state x_2' = y drifts where y is held at 1, and is at rest where y comes back to 0."""
     model = jumping(system(1.0), system(1.0), system(0.0), at=[0.5, 1.0])
     report = feasibility(model, MOTION)
     assert [interval.counts for interval in report.intervals] == [(0, 1, 0), (0, 1, 0), (0, 0, 1)]
-    assert [interval.problem == "" for interval in report.intervals] == [True, True, False]
-    assert [jump.same_outputs for jump in report.jumps] == [True, None]
-    assert report.boundary is None
+    assert [jump.same_outputs for jump in report.jumps] == [True, True]
+    assert report.rests
     assert "unobservable mode" in report.message
+    back = feasibility(model, raised_cosine(1.0, period=3.0))
+    assert back.solvable
+    assert back.solvable == accepted(model, raised_cosine(1.0, period=3.0))
 
 
 def test_an_operating_point_is_taken_into_account() -> None:

@@ -65,7 +65,7 @@ def test_preactuation_cannot_be_limited_to_less_than_nothing(limit: float) -> No
 def test_zeros_on_the_axis(internal: np.ndarray) -> None:
     plant = plant_with(np.random.default_rng(0), (2,), internal)
     with pytest.raises(NonHyperbolicError, match="not hyperbolic: zeros at"):
-        invert(plant, raised_cosine(2.0))
+        invert(plant, rest_to_rest(0.0, 1.0, 3.0, smoothness=3))
 
 
 def test_no_relative_degree() -> None:
