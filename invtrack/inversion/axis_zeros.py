@@ -96,10 +96,9 @@ def require_rest_held(problem: PlanningProblem, splits: Sequence[SplitDynamics])
 
 
 def _held_derivatives(split: SplitDynamics, held: Array) -> Array:
-    """[zeta; y^(r)] of outputs that stand still at `held` (p,)."""
-    degrees = split.internal.form.relative_degree
-    zeta = [np.concatenate([[value], np.zeros(r - 1)]) for value, r in zip(held, degrees, strict=True) if r]
-    return np.concatenate([*zeta, [0.0 if r else value for value, r in zip(held, degrees, strict=True)]])
+    """[zeta; chi] of outputs that stand still at `held` (p,)."""
+    form = split.internal.form
+    return np.concatenate([form.zeta.coefficients[0], form.chi.coefficients[0]]) @ held
 
 
 def require_rest_left(problem: PlanningProblem, splits: Sequence[SplitDynamics], equations: TwoSidedSolution) -> tuple[str, ...]:

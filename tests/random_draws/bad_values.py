@@ -41,7 +41,7 @@ BAD_VALUES: dict[str, Callable[[], Any]] = {
     "complex": lambda: 1.0 + 1.0j,
     "Decimal": lambda: decimal.Decimal("1.5"),
     "Fraction": lambda: fractions.Fraction(3, 2),
-    "date": lambda: datetime.datetime(2020, 1, 1),  # noqa: DTZ001
+    "date": lambda: datetime.datetime(2020, 1, 1),
     "object": object,
     "function": lambda: lambda *a, **k: 1.0,
     "function of nothing": lambda: lambda: None,

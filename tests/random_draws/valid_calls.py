@@ -15,8 +15,20 @@ import numpy as np
 from rich.console import Console
 
 import invtrack
-from invtrack import control, figures, inversion, linear, plans, plant, recording, redesign, references, regulation, results
-from invtrack import simulation, studies
+from invtrack import (
+    control,
+    figures,
+    inversion,
+    linear,
+    plans,
+    plant,
+    recording,
+    redesign,
+    references,
+    regulation,
+    results,
+    studies,
+)
 from tests.synthetic_runs import two_mode_run
 
 ROOMS = (
