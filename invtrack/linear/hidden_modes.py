@@ -66,12 +66,12 @@ def _plant_scale(system: StateSpace) -> Array:
 
     A alone may fall apart into parts without a common scale: each output is fed back to each input with the gain with which the
     strongest loop through both is as fast as a pace. Which one is no property of the plant: a hovering vehicle's drag is far slower
-    than what its outputs ask of it. Taken is the one in whose units errors of all entries matter least, as a share of A.
+    than what its outputs ask of it. Taken is the one in whose units the couplings stand out most clearly.
     """
     A = np.abs(system.A)
     root = float(np.max(np.abs(np.linalg.eigvals(A))))
     paces = (root if root > 0 else 1.0) * np.exp2(np.arange(-20.0, 41.0, 2.0))
-    return min((_scale_at(system, float(pace)) for pace in paces), key=lambda scale: _error_share(A, scale))
+    return max((_scale_at(system, float(pace)) for pace in paces), key=lambda scale: _clarity(system, scale))
 
 
 def _scale_at(system: StateSpace, pace: float) -> Array:
@@ -86,22 +86,28 @@ def _scale_at(system: StateSpace, pace: float) -> Array:
     return balancing_scale(A + np.abs(system.B) @ gains.T @ C)
 
 
-def _error_share(A: Array, scale: Array) -> float:
-    """What errors of one in all entries can grow to in these units, as a share of A."""
-    size = float(np.linalg.norm(A * scale / scale[:, None]))
-    grown = float(np.linalg.norm(scale) * np.linalg.norm(1 / scale))
-    return grown / size if size > 0 else grown
+def _clarity(system: StateSpace, scale: Array) -> float:
+    """How far the couplings stand out in these units: mean logarithm of their shares, of A's norm, of a column of B, a row of C."""
+    A, B, C = (np.abs(M) for M in (system.A * scale / scale[:, None], system.B / scale[:, None], system.C * scale))
+    np.fill_diagonal(A, 0.0)  # what acts on itself couples nothing
+    shares = np.concatenate([(M / np.where(size > 0, size, 1.0))[M > 0] for M, size in ((A, np.linalg.norm(A)), *_sizes(B, C))])
+    return float(np.mean(np.log(np.maximum(shares, COUPLING_TOLERANCE)))) if shares.size else 0.0
+
+
+def _sizes(B: Array, C: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """B and C with the norms of the columns and of the rows."""
+    return (B, np.linalg.norm(B, axis=0, keepdims=True)), (C, np.linalg.norm(C, axis=1, keepdims=True))
 
 
 def _hidden_subspaces(system: StateSpace, scale: Array) -> tuple[Array, Array]:
     """Orthonormal bases, in balanced states x / d, of what lies out of the inputs' reach, and out of the outputs' sight."""
     A, B, C = system.A * scale / scale[:, None], system.B / scale[:, None], system.C * scale
-    error = {name: ERROR_GROWTH * system.error_estimates.get(name, 0.0) for name in "ABC"}
-    wide, high = np.linalg.norm(scale), np.linalg.norm(1 / scale)  # what an error of every entry can grow to
-    A_tolerance = max(COUPLING_TOLERANCE * float(np.linalg.norm(A)), float(error["A"] * high * wide))
     B_size, C_size = (np.where(size > 0, size, 1.0) for size in (np.linalg.norm(B, axis=0), np.linalg.norm(C, axis=1)))
-    B_tolerance = max(COUPLING_TOLERANCE, float(np.max(error["B"] * high / B_size)))
-    C_tolerance = max(COUPLING_TOLERANCE, float(np.max(error["C"] * wide / C_size)))
+    A_error = ERROR_GROWTH * float(np.linalg.norm(system.errors("A") * scale / scale[:, None]))
+    B_error = ERROR_GROWTH * float(np.linalg.norm(system.errors("B") / scale[:, None] / B_size))
+    C_error = ERROR_GROWTH * float(np.linalg.norm(system.errors("C") * scale / C_size[:, None]))
+    A_tolerance = max(COUPLING_TOLERANCE * float(np.linalg.norm(A)), A_error)
+    B_tolerance, C_tolerance = max(COUPLING_TOLERANCE, B_error), max(COUPLING_TOLERANCE, C_error)
     unreached = _unreached(A, B / B_size, A_tolerance, B_tolerance)
     unseen = _unreached(A.T, (C / C_size[:, None]).T, A_tolerance, C_tolerance)
     return unreached, unseen

@@ -19,7 +19,7 @@ from invtrack.linear.pseudospectrum import Pseudospectrum
 from invtrack.linear.state_space import StateSpace
 
 AXIS_TOLERANCE = 1e-8
-"""An eigenvalue counts as on the imaginary axis where |Re| is below this share of its magnitude."""
+"""Places for zeros that are moved count as on the imaginary axis where |Re| is below this share of their magnitude."""
 
 ROUNDING_FACTOR = 10.0
 """Uncertainty of the internal dynamics' matrix, in units of n eps times the norm of the terms that it is the sum of."""
@@ -105,18 +105,18 @@ def internal_dynamics(system: StateSpace) -> InternalDynamics:
     F, G = form.tracking_law()
     A_y = system.A + system.B @ F
     A_eta = form.N @ A_y @ form.V
-    scale = np.linalg.norm(form.N, 2) * np.linalg.norm(form.V, 2) if A_eta.size else 0.0
-    gain = 1 + np.linalg.norm(system.B @ F, 2) / max(np.linalg.norm(system.A, 2), np.finfo(float).tiny)
-    terms = np.abs(form.N) @ (np.abs(system.A) + np.abs(system.B) @ np.abs(F)) @ np.abs(form.V)
-    uncertainty = ROUNDING_FACTOR * system.n_states * np.finfo(float).eps * np.linalg.norm(terms)
-    uncertainty += scale * gain * system.error_estimates.get("A", 0.0)
+    rounding = ROUNDING_FACTOR * system.n_states * np.finfo(float).eps
+    errors = rounding * (np.abs(system.A) + np.abs(system.B) @ np.abs(F)) + system.errors("A") + system.errors("B") @ np.abs(F)
+    # What the entries are uncertain by, and what N and V, orthonormal in the form's units, are.
+    uncertainty = float(np.linalg.norm(np.abs(form.N) @ errors @ np.abs(form.V)))
+    uncertainty += system.n_states * np.finfo(float).eps * float(np.linalg.norm(A_y * form.units / form.units[:, None]))
     return InternalDynamics(
         form=form,
         A_eta=A_eta,
         A_zeta=form.N @ A_y @ form.P,
         B_r=form.N @ system.B @ G,
         zeros=np.linalg.eigvals(A_eta).astype(complex),
-        uncertainty=float(uncertainty),
+        uncertainty=uncertainty if A_eta.size else 0.0,
     )
 
 
@@ -128,17 +128,16 @@ def zeros_on_axis(internal: InternalDynamics) -> ComplexArray:
 def on_axis(internal: InternalDynamics) -> NDArray[np.bool_]:
     """Which of the zeros cannot be told from ones on the imaginary axis, (n_z,).
 
-    A zero s counts where |Re s| <= AXIS_TOLERANCE |s|, or where a perturbation within the matrix's uncertainty can move it to
-    j Im s (smallest singular value of A_eta - z I for z on the way): so a double zero, which rounding splits by sqrt(eps), is
-    still seen. Looking only at j Im s would name every real zero beside one at the origin.
+    A zero s counts where a perturbation within the matrix's uncertainty can move it to j Im s (smallest singular value of
+    A_eta - z I for z on the way): so a double zero, which rounding splits by sqrt(eps), is still seen. Looking only at j Im s would
+    name every real zero beside one at the origin.
     """
     zeros, movable = internal.zeros, Pseudospectrum(internal.A_eta)
-    found = np.abs(zeros.real) <= AXIS_TOLERANCE * np.abs(zeros)
-    reached = ~found
+    reached = np.ones(len(zeros), dtype=bool)
     for share in (0.0, 0.25, 0.5, 0.75):
         way = (share * zeros.real + 1j * zeros.imag)[reached].astype(complex)
         reached[reached] = movable.contains(way, internal.uncertainty)
-    return np.asarray(found | reached)
+    return reached
 
 
 def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics:

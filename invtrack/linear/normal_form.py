@@ -32,6 +32,7 @@ class NormalForm:
         zeta, chi: rho and p combinations of the outputs' derivatives.
         combined: whether outputs are combined, so that there is no vector relative degree.
         decoupling_condition: condition number of B_y with rows and columns scaled to unit size.
+        units: of the states, in which V is orthonormal (n,).
     """
 
     orders: tuple[int, ...]
@@ -45,6 +46,7 @@ class NormalForm:
     chi: OutputDerivatives
     combined: bool
     decoupling_condition: float
+    units: Array
 
     @property
     def relative_degree(self) -> tuple[int, ...] | None:
@@ -92,7 +94,8 @@ def normal_form(system: Any) -> NormalForm:
     """
     system = as_state_space(system)
     found = output_structure(system)
-    P, V, N = _internal_coordinates(couplings(system, found.A_x, found.B_y), found.C_star)
+    units = balancing_scale(couplings(system, found.A_x, found.B_y))
+    P, V, N = _internal_coordinates(units, found.C_star)
     return NormalForm(
         orders=found.orders,
         C_star=found.C_star,
@@ -105,6 +108,7 @@ def normal_form(system: Any) -> NormalForm:
         chi=found.chi,
         combined=found.combined,
         decoupling_condition=found.decoupling_condition,
+        units=units,
     )
 
 
@@ -117,13 +121,12 @@ def couplings(system: StateSpace, A_x: Array, B_y: Array) -> Array:
     return np.asarray(np.abs(system.A) + np.abs(system.B) @ law)
 
 
-def _internal_coordinates(couplings: Array, C_star: Array) -> tuple[Array, Array, Array]:
-    """P, V, N with C_star P = I, C_star V = 0, N P = 0, N V = I; V orthonormal in states balanced to `couplings`."""
-    n, rho = len(couplings), len(C_star)
-    scale = balancing_scale(couplings)
-    scaled = C_star * scale
+def _internal_coordinates(units: Array, C_star: Array) -> tuple[Array, Array, Array]:
+    """P, V, N with C_star P = I, C_star V = 0, N P = 0, N V = I; V orthonormal in these units of the states (n,)."""
+    n, rho = len(units), len(C_star)
+    scaled = C_star * units
     row_size = np.linalg.norm(scaled, axis=1, keepdims=True)
     Q, R = np.linalg.qr((scaled / row_size).T, mode="complete") if rho else (np.eye(n), np.zeros((n, 0)))
     V = Q[:, rho:]
     P = scipy.linalg.solve_triangular(R[:rho], Q[:, :rho].T).T  # (R^-1 Q')' = Q R^-T, the pseudoinverse of R' Q'
-    return scale[:, None] * (P / row_size.T), scale[:, None] * V, (V / scale[:, None]).T
+    return units[:, None] * (P / row_size.T), units[:, None] * V, (V / units[:, None]).T

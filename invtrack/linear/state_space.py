@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, real_numbers
 from invtrack.channels import Channels
 from invtrack.errors import ModelError
 
@@ -62,8 +62,8 @@ class StateSpace:
         operating_point: where u0 and y0 come from; None: both are zero.
         measurement: what a controller can measure, the outputs themselves unless stated.
         parameters: values, by name, of the physical parameters that the model holds for, as far as they are known.
-        error_estimates: for a model that was found numerically, an estimate of the largest error of an entry of each matrix, by
-            the matrix's name.
+        error_estimates: for a model that was found numerically, estimates of the errors of its matrices' entries, by the matrix's
+            name: an array of its shape, or a number for all entries. What is exact (position' = velocity) has none.
 
     Raises ModelError where shapes do not fit, an entry is not finite, or names are too few, too many or not distinct.
     """
@@ -78,7 +78,7 @@ class StateSpace:
     operating_point: OperatingPoint
     measurement: Measurement
     parameters: Mapping[str, float] = field(default_factory=dict)
-    error_estimates: Mapping[str, float] = field(default_factory=dict)
+    error_estimates: Mapping[str, Array] = field(default_factory=dict)
 
     def __init__(
         self,
@@ -93,7 +93,7 @@ class StateSpace:
         operating_point: OperatingPoint | None = None,
         measurement: Measurement | None = None,
         parameters: Mapping[str, float] | None = None,
-        error_estimates: Mapping[str, float] | None = None,
+        error_estimates: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         A, B, C = _matrix("A", A), _matrix("B", B), _matrix("C", C)
         D = np.zeros((C.shape[0], B.shape[1])) if D is None else _matrix("D", D)
@@ -136,7 +136,7 @@ class StateSpace:
             "operating_point": operating_point,
             "measurement": measurement,
             "parameters": {name: float(value) for name, value in (parameters or {}).items()},
-            "error_estimates": dict(error_estimates or {}),
+            "error_estimates": {name: _error(name, value, expected) for name, value in (error_estimates or {}).items()},
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -151,6 +151,10 @@ class StateSpace:
         """Number of inputs, and of outputs, p."""
         return len(self.D)
 
+    def errors(self, name: str) -> Array:
+        """Estimates of the errors of the entries of one of A, B, C and D, zero where there are none."""
+        return self.error_estimates.get(name, np.zeros_like(getattr(self, name)))
+
     def transformed(self, T: ArrayLike, states: Channels | Sequence[str] | None = None) -> StateSpace:
         """The same system in the coordinates T x (T (n, n), nonsingular): T A T^-1, T B, C T^-1, D."""
         T = _matrix("T", T)
@@ -162,9 +166,13 @@ class StateSpace:
         A, C, C_m = np.split(
             np.linalg.solve(T.T, stacked.T).T, [self.n_states, self.n_states + self.n_channels]
         )  # [A; C; C_m] T^-1
-        # The largest factors by which a change of coordinates can raise the error of an entry.
-        rows, columns = np.max(np.abs(T).sum(axis=1)), np.max(np.abs(np.linalg.solve(T, np.eye(len(T)))).sum(axis=0))
-        growth = {"A": rows * columns, "B": rows, "C": columns, "D": 1.0}
+        into, back = np.abs(T), np.abs(np.linalg.inv(T))
+        errors = {
+            "A": into @ self.errors("A") @ back,
+            "B": into @ self.errors("B"),
+            "C": self.errors("C") @ back,
+            "D": self.errors("D"),
+        }
         return StateSpace(
             T @ A,
             T @ self.B,
@@ -176,7 +184,7 @@ class StateSpace:
             operating_point=self.operating_point,
             measurement=replace(self.measurement, C=C_m),
             parameters=self.parameters,
-            error_estimates={name: float(growth[name] * error) for name, error in self.error_estimates.items()},
+            error_estimates={name: errors[name] for name in self.error_estimates},
         )
 
 
@@ -217,6 +225,18 @@ def _matrix(name: str, value: ArrayLike) -> Array:
         raise ModelError(f"{name} has entries that are not finite")
     matrix.setflags(write=False)
     return matrix
+
+
+def _error(name: str, value: ArrayLike, shapes: Mapping[str, tuple[int, int]]) -> Array:
+    if name not in shapes:
+        raise ModelError(f"error estimates are given for A, B, C and D, got one for {name!r}")
+    errors = real_numbers(f"the error estimate of {name}", value, error=ModelError)
+    if errors.shape not in ((), shapes[name]) or not np.all(np.isfinite(errors) & (errors >= 0)):
+        raise ModelError(
+            f"the error estimate of {name} must be a number or an array of its shape {shapes[name]}, finite and not negative, got "
+            f"{value!r}"
+        )
+    return np.array(np.broadcast_to(errors, shapes[name]))
 
 
 def _channels(kind: str, letter: str, given: Channels | Sequence[str] | None, count: int) -> Channels:

@@ -140,8 +140,8 @@ def output_structure(system: StateSpace) -> OutputStructure:
 
 
 def _output_row(system: StateSpace, i: int) -> _Row:
-    c, d, errors = system.C[i].copy(), system.D[i].copy(), system.error_estimates
-    c_error, d_error = (np.full(len(row), errors.get(name, 0.0)) for row, name in ((c, "C"), (d, "D")))
+    c, d = system.C[i].copy(), system.D[i].copy()
+    c_error, d_error = system.errors("C")[i], system.errors("D")[i]
     row = _Row(c, np.abs(c), c_error, d, np.abs(d), d_error, np.eye(system.n_channels)[i : i + 1])
     return _without_rounding(row)
 
@@ -154,8 +154,8 @@ def _differentiated(row: _Row, system: StateSpace, state_unit: Array) -> _Row:
     therefore also measured against norms, in the units of the states. Not so those further down a chain: a long one passes on less
     than the rounding of the norms, and yet exactly.
     """
-    A, B, errors = system.A, system.B, system.error_estimates
-    d_error = row.c_error @ np.abs(B) + np.abs(row.c).sum() * errors.get("B", 0.0)
+    A, B = system.A, system.B
+    d_error = row.c_error @ np.abs(B) + np.abs(row.c) @ system.errors("B")
     if row.turned:
         eps = ROUNDING * system.n_states * np.finfo(float).eps
         d_error = d_error + eps * np.linalg.norm(row.c_size * state_unit) * np.linalg.norm(B / state_unit[:, None], axis=0)
@@ -163,7 +163,7 @@ def _differentiated(row: _Row, system: StateSpace, state_unit: Array) -> _Row:
         _Row(
             c=row.c @ A,
             c_size=row.c_size @ np.abs(A),
-            c_error=row.c_error @ np.abs(A) + np.abs(row.c).sum() * errors.get("A", 0.0),
+            c_error=row.c_error @ np.abs(A) + np.abs(row.c) @ system.errors("A"),
             d=row.c @ B,
             d_size=row.c_size @ np.abs(B),
             d_error=d_error,

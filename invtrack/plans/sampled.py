@@ -216,7 +216,7 @@ def _model_as_json(model: SwitchedSystem) -> dict[str, Any]:
 def _system_as_json(system: StateSpace) -> dict[str, Any]:
     matrices = {name: getattr(system, name).tolist() for name in "ABCD"}
     measurement = {name: getattr(system.measurement, name).tolist() for name in ("C", "D", "y0")}
-    errors = {name: float(value) for name, value in system.error_estimates.items()}
+    errors = {name: value.tolist() for name, value in system.error_estimates.items()}
     return {**matrices, "measurement": measurement, "parameters": dict(system.parameters), "error_estimates": errors}
 
 

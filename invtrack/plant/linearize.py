@@ -77,7 +77,7 @@ def linearize(
 
     x (n = 2 nv + na,) is the deviation in tangent space, less the coordinates that the plant drops; continuous time, whatever
     integrator the file names. The rows of A that say "position' = velocity" are exact; the others, B, C and D are central
-    differences of mj_forward with Richardson extrapolation, with an estimate of the largest error in each matrix in
+    differences of mj_forward with Richardson extrapolation, with an estimate of the error of each entry in
     `error_estimates`. The model carries the plant's names and units, and in `parameters` the values of all named parameters for
     which it holds.
 
@@ -198,7 +198,7 @@ def _assemble(
     rows = [repr(name) for name in (*plant.states.names, *plant.outputs.names, *plant.measurements.names)]
     refuse_acting(plant, jacobian[:, :n], error[:, :n], rows)
     kept_columns, n = np.concatenate([plant.state_addresses, np.arange(n, n + p)]), plant.n_states
-    value, largest = _blocks(jacobian[:, kept_columns], n, p), _blocks(error[:, kept_columns], n, p)
+    value, errors = _blocks(jacobian[:, kept_columns], n, p), _blocks(error[:, kept_columns], n, p)
     C_m, D_m = np.split(jacobian[n + p :, kept_columns], [n], axis=1)
     return StateSpace(
         **value,
@@ -208,7 +208,7 @@ def _assemble(
         operating_point=point,
         measurement=Measurement(C_m, D_m, plant.measurements, measured),
         parameters=parameters,
-        error_estimates={name: float(np.max(block)) for name, block in largest.items()},
+        error_estimates=errors,
     )
 
 

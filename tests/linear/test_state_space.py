@@ -106,7 +106,7 @@ def test_change_of_coordinates_carries_error_estimates_along() -> None:
         signs = [rng.choice([-error, error], size=M.shape) for M in (A, B, C)]
         off = StateSpace(A + signs[0], B + signs[1], C + signs[2]).transformed(T)
         for name in "ABC":
-            assert np.max(np.abs(getattr(off, name) - getattr(exact, name))) <= 1.001 * model.error_estimates[name]
+            assert np.all(np.abs(getattr(off, name) - getattr(exact, name)) <= 1.001 * model.error_estimates[name])
 
 
 def test_operating_points_agree_up_to_rounding() -> None:
