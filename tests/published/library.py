@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from invtrack.errors import RelativeDegreeError
 from tests.published.aircraft import AIRCRAFT, ASTOVL, L1011
 from tests.published.engines import ENGINES, GAS_TURBINE, J100
 from tests.published.helicopters import HELICOPTERS
@@ -28,13 +27,7 @@ ZEROS_ON_THE_AXIS = (L1011, ASTOVL, SPACE_STRUCTURE)
 NO_VECTOR_RELATIVE_DEGREE = (J100, GAS_TURBINE, DRUM_BOILER, EMAMI_3, EMAMI_4)
 NO_VECTOR_RELATIVE_DEGREE_IN_A_CHOICE = (*NO_VECTOR_RELATIVE_DEGREE, AMMONIA_REACTOR, BATCH_REACTOR)
 
-NEEDS_GENERAL_INVERSE = pytest.mark.xfail(
-    strict=True, raises=RelativeDegreeError, reason="plants without a vector relative degree are refused though G is invertible"
-)
 
-
-def cases(plants: Iterable[PublishedPlant], *waiting: tuple[Iterable[PublishedPlant], pytest.MarkDecorator]) -> list[Any]:
-    """The plants as parameters of a test; those of each pair in `waiting` carry its mark."""
-    return [
-        pytest.param(plant, id=plant.name, marks=[mark for marked, mark in waiting if plant in tuple(marked)]) for plant in plants
-    ]
+def cases(plants: Iterable[PublishedPlant]) -> list[Any]:
+    """The plants as parameters of a test."""
+    return [pytest.param(plant, id=plant.name) for plant in plants]

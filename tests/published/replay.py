@@ -23,7 +23,7 @@ FADED = 32.0
 """At this many time constants 1 / |Re z| from the nearest breakpoint a mode is no longer felt."""
 
 GROWTH = 6.0
-"""An unstable plant is started anew from the planned state before errors have grown to exp of this."""
+"""A plant is started anew from the planned state before errors, as shares of the states' peaks, have grown to exp of this."""
 
 IDLE = 1e-10
 """A state that stays below this share of the largest one is idle, and measured against that."""
@@ -37,7 +37,7 @@ class Replay:
     are |C| of them and |D| |u|. Where they cancel, even an input that is right to rounding gives no better.
 
     output_error, state_error: largest distance of an output from the wanted one and of a state from the planned one.
-    stretches: a plant that is not unstable is integrated in one, from rest at the plan's start to its end.
+    stretches: a plant in which errors do not grow is integrated in one, from rest at the plan's start to its end.
     """
 
     output_error: float
@@ -56,7 +56,6 @@ def replay(plan: Plan, zeros: Complex) -> Replay:
     nodes, inner_weights, weights = _gauss()
     unstable = max(float(np.max(np.linalg.eigvals(A).real)), 0.0)
     starts, ends = _steps(plan, zeros)
-    start = starts[0]
     starts = np.maximum(starts, ends - 1 / unstable) if unstable > 0 else starts
     lengths, middle = ends - starts, np.repeat((starts + ends) / 2, STAGES)
     times = (starts[:, None] + lengths[:, None] * nodes).ravel()
@@ -64,18 +63,23 @@ def replay(plan: Plan, zeros: Complex) -> Replay:
     wanted = plan.reference(times, inside=middle).reshape(-1, STAGES, p)
     planned, planned_end = plan.states(starts), plan.states(ends)
     driven = np.concatenate([u[:, :, None] * B, np.zeros((*u.shape[:2], n, 1))], axis=3)  # by each input alone, and by none
-    x, since, reached, stretches = np.zeros((n, p + 1)), start, start, 1
+    x, reached, stretches = np.zeros((n, p + 1)), starts[0], 1
     begun, rates, ended = np.empty((len(starts), n, p + 1)), np.empty(driven.shape), np.empty((len(starts), n, p + 1))
     solvers: dict[str, Array] = {}
+    size = np.max(np.abs(planned), axis=0)
+    size = np.where(size > IDLE * np.max(size), size, np.max(size))
+    carried = np.eye(n)
     for k, h in enumerate(lengths):
-        if starts[k] > reached or unstable * (ends[k] - since) > GROWTH:
-            x, since, stretches = np.column_stack([np.zeros((n, p)), planned[k]]), starts[k], stretches + 1
+        if starts[k] > reached or np.max(np.abs(carried) @ size / size) > np.exp(GROWTH):
+            x, carried, stretches = np.column_stack([np.zeros((n, p)), planned[k]]), np.eye(n), stretches + 1
         length = f"{h:.11e}"  # steps that differ by rounding share their factors
         if length not in solvers:
             solvers[length] = np.linalg.inv(np.eye(STAGES * n) - h * np.kron(inner_weights, A))
         begun[k], free = x, (driven[k] + A @ x).reshape(STAGES * n, p + 1)
         rates[k] = (solvers[length] @ free).reshape(STAGES, n, p + 1)
         ended[k] = x = x + h * np.tensordot(weights, rates[k], axes=1)
+        within = (solvers[length] @ np.tile(A @ carried, (STAGES, 1))).reshape(STAGES, n, n)
+        carried = carried + h * np.tensordot(weights, within, axes=1)
         reached = ends[k]
     inner = begun[:, None] + lengths[:, None, None, None] * np.einsum("ij,kjnp->kinp", inner_weights, rates)
     off = np.max(np.abs(inner.sum(axis=3) @ C.T + u @ D.T - wanted), axis=(0, 1))

@@ -11,7 +11,7 @@ from invtrack.inversion import invert
 from invtrack.linear import zeros
 from invtrack.references import rest_to_rest
 from tests.linear.random_plants import assert_same_set
-from tests.published.library import NEEDS_GENERAL_INVERSE, NO_VECTOR_RELATIVE_DEGREE, PLANTS, cases
+from tests.published.library import PLANTS, cases
 from tests.published.mechanisms import CART_PENDULUM
 from tests.published.plant import PublishedPlant
 from tests.published.processes import DISTILLATION_LV, TANK_MINIMUM_PHASE, TANK_NONMINIMUM_PHASE
@@ -29,10 +29,7 @@ def test_poles(plant: PublishedPlant) -> None:
     assert_same_set(plant.exact.poles, plant.poles.values, plant.poles.rounding)
 
 
-@pytest.mark.parametrize(
-    "plant",
-    cases((plant for plant in PLANTS if plant.zeros is not None), (NO_VECTOR_RELATIVE_DEGREE, NEEDS_GENERAL_INVERSE)),
-)
+@pytest.mark.parametrize("plant", cases(plant for plant in PLANTS if plant.zeros is not None))
 def test_zeros(plant: PublishedPlant) -> None:
     """A double zero moves by the root of what rounding does to the matrices: 1e-7."""
     assert plant.zeros is not None

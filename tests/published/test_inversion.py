@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from invtrack.errors import NonHyperbolicError, TrajectoryError
+from invtrack.errors import NonHyperbolicError
 from invtrack.inversion import invert
 from invtrack.linear import StateSpace, SwitchedSystem
 from invtrack.plans import Plan, preactuation_bound
+from invtrack.linear import normal_form
 from invtrack.references import rest_to_rest
 from tests.published.library import (
-    NEEDS_GENERAL_INVERSE,
-    NO_VECTOR_RELATIVE_DEGREE,
     NO_VECTOR_RELATIVE_DEGREE_IN_A_CHOICE,
     PLANTS,
     SINGULAR,
@@ -25,17 +24,12 @@ from tests.published.library import (
 from tests.published.mechanisms import CANTILEVER, CART_PENDULUM
 from tests.published.plant import Choice, PublishedPlant
 from tests.published.replay import replay
-from tests.published.textbook import EMAMI_5, EMAMI_9
 
 Complex = NDArray[np.complex128]
 
 TARGETS = np.array([1.0, -0.5, 0.7, 0.3])
 ON_AXIS = 1e-12
 """Exact zeros nearer to the imaginary axis than this share of their size lie on it: the nearest other one here is at 7e-3."""
-
-NEEDS_SMOOTHER_PROFILE = pytest.mark.xfail(
-    strict=True, raises=TrajectoryError, reason="no profile is smooth enough for relative degrees above 7"
-)
 
 
 def right_zeros(plant: PublishedPlant, choice: Choice) -> Complex:
@@ -45,9 +39,9 @@ def right_zeros(plant: PublishedPlant, choice: Choice) -> Complex:
 
 
 def slew(plant: PublishedPlant, choice: Choice, *, tolerance: float = 1e-10) -> Plan:
-    """All outputs of the choice move at once; without a vector relative degree as smoothly as any output could need."""
-    degrees = plant.exact.relative_degree(*choice)
-    smoothness = 6 if degrees is None else max(degrees)
+    """All outputs of the choice move at once, as smoothly as the inverse takes."""
+    degrees = plant.exact.relative_degree(*choice) or normal_form(plant.square(choice)).derivatives
+    smoothness = max(degrees)
     targets = TARGETS[: len(choice[0])]
     reference = rest_to_rest(0 * targets, targets, plant.duration, smoothness=smoothness)
     return invert(plant.square(choice), reference, tolerance=tolerance)
@@ -62,11 +56,7 @@ def assert_followed(plant: PublishedPlant, choice: Choice) -> None:
     assert found.state_error < 1e-9
 
 
-HYPERBOLIC = cases(
-    (plant for plant in PLANTS if plant not in (*SINGULAR, *ZEROS_ON_THE_AXIS)),
-    (NO_VECTOR_RELATIVE_DEGREE, NEEDS_GENERAL_INVERSE),
-    ((EMAMI_5, EMAMI_9), NEEDS_SMOOTHER_PROFILE),
-)
+HYPERBOLIC = cases(plant for plant in PLANTS if plant not in (*SINGULAR, *ZEROS_ON_THE_AXIS))
 
 
 @pytest.mark.parametrize("plant", HYPERBOLIC)
@@ -97,7 +87,7 @@ def test_every_choice_is_served_or_has_zeros_on_the_axis(plant: PublishedPlant) 
     """By exact arithmetic the choices that are refused, and no others, have zeros on the axis. Of many choices, some."""
     for choice in plant.choices[:: 1 + len(plant.choices) // 40]:
         degrees = plant.exact.relative_degree(*choice)
-        if degrees is None or max(degrees) > 7:
+        if degrees is None:
             continue
         zeros = right_zeros(plant, choice)
         if np.any(np.abs(zeros.real) <= ON_AXIS * np.abs(zeros)):
@@ -107,7 +97,6 @@ def test_every_choice_is_served_or_has_zeros_on_the_axis(plant: PublishedPlant) 
             assert slew(plant, choice).certificate.worst(exact=True) < 1e-11
 
 
-@NEEDS_GENERAL_INVERSE
 @pytest.mark.parametrize("plant", cases(NO_VECTOR_RELATIVE_DEGREE_IN_A_CHOICE))
 def test_every_choice_without_a_vector_relative_degree_is_served(plant: PublishedPlant) -> None:
     for choice in plant.choices:

@@ -8,7 +8,7 @@ import pytest
 from invtrack.errors import RelativeDegreeError
 from invtrack.linear import relative_degree, zeros
 from tests.linear.random_plants import assert_same_set
-from tests.published.library import NEEDS_GENERAL_INVERSE, NO_VECTOR_RELATIVE_DEGREE_IN_A_CHOICE, PLANTS, cases
+from tests.published.library import NO_VECTOR_RELATIVE_DEGREE_IN_A_CHOICE, PLANTS, cases
 from tests.published.plant import Choice, PublishedPlant
 
 ACCURACY = 1e-8
@@ -40,7 +40,6 @@ def test_every_choice_without_one_is_told(plant: PublishedPlant) -> None:
             relative_degree(plant.square(choice))
 
 
-@NEEDS_GENERAL_INVERSE
 @pytest.mark.parametrize("plant", cases(NO_VECTOR_RELATIVE_DEGREE_IN_A_CHOICE))
 def test_every_choice_without_one_has_its_zeros(plant: PublishedPlant) -> None:
     """All ten choices of the J-100's outputs, and 16 of the ammonia reactor's."""
