@@ -53,7 +53,7 @@ def assert_followed(plant: PublishedPlant, choice: Choice) -> None:
     assert plan.certificate.rest_residual < 1e-12
     found = replay(plan, right_zeros(plant, choice))
     assert found.output_error < 1e-9
-    assert found.state_error < 1e-9
+    assert found.state_error < 5e-9
 
 
 HYPERBOLIC = cases(plant for plant in PLANTS if plant not in (*SINGULAR, *ZEROS_ON_THE_AXIS))
