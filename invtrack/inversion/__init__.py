@@ -4,6 +4,7 @@ from invtrack.inversion.exact import invert
 from invtrack.inversion.feasibility import feasibility
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
 from invtrack.inversion.modified.design_problem import Candidate
+from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_inversion import Modification, ModifiedTrajectory, modified_inversion
 from invtrack.inversion.modified.preactuation_trade_off import (
     TradeOff,
@@ -24,6 +25,7 @@ __all__ = [
     "TradeOff",
     "TradeOffPoint",
     "causal_inverse",
+    "error_bound",
     "feasibility",
     "invert",
     "modified_inversion",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_inversion import modified_inversion
 from invtrack.inversion.modified.preactuation_trade_off import preactuation_trade_off, tune_modified_inversion
 from invtrack.plans.preactuation import plan_preactuation_time
@@ -24,6 +25,7 @@ def test_each_point_is_its_plan() -> None:
         assert (point.real_part, point.alpha) == (to, pytest.approx(to))
         assert point.preactuation == pytest.approx(plan_preactuation_time(plan, 0.02))
         assert point.max_error == pytest.approx(plan.max_error[0])
+        assert point.error_bound == error_bound(TWO_DISC, SLEW, start=-point.preactuation)
         assert point.error_after == pytest.approx(plan.max_error_after[0])
         assert point.peak_input == pytest.approx(np.max(np.abs(plan.input_range)))
 
@@ -32,6 +34,7 @@ def test_preactuation_falls_and_error_rises() -> None:
     trade = preactuation_trade_off(TWO_DISC, SLEW, real_parts=[0.22, 0.5, 1.0, 2.0, 4.0], error_poles=CHAIN, axis_distance=0.5)
     assert np.all(np.diff(trade.column("preactuation")) < 0)
     assert np.all(np.diff(trade.column("max_error")) > 0)
+    assert np.all(np.diff(trade.column("error_bound")) > 0)  # the less time there is, the less any plan can do
     assert "error after [-]" in str(trade)
     assert len(str(trade).splitlines()) == 2 + 5
 

@@ -17,6 +17,7 @@ from invtrack.errors import InversionError, RelativeDegreeError
 from invtrack.inversion.exact import require_smooth
 from invtrack.inversion.modified.design import least_error_design, robust_design
 from invtrack.inversion.modified.design_problem import Candidate, DesignProblem
+from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_dynamics import equilibrium, has_equilibrium, undivided_dynamics
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named, require_movable
 from invtrack.inversion.modified.placement import MovablePart, movable_part
@@ -112,6 +113,14 @@ class ModifiedTrajectory(Plan):
     def relative_error(self) -> float:
         """Largest predicted error of any output, as a share of `output_scale`."""
         return float(np.max(self.max_error / self.output_scale))
+
+    @cached_property
+    def error_bound(self) -> float | None:
+        """What no plan that starts from rest at the same time can bring `relative_error` below; None where none is known.
+
+        See `invtrack.inversion.error_bound`, also for other starts.
+        """
+        return error_bound(self.model, self.reference, start=self.start, output_scale=self.output_scale)
 
     def _largest_error(self, start: float, end: float) -> Array:
         edges = np.unique(np.concatenate([[start, end], self.breakpoints]).clip(start, end))

@@ -11,6 +11,7 @@ import numpy as np
 
 from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import InversionError
+from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_inversion import ModifiedTrajectory, modified_inversion
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named
 from invtrack.linear.internal_dynamics import format_zeros
@@ -190,11 +191,16 @@ def _range(moved: ComplexArray) -> tuple[float, float]:
 
 
 def _point(real_part: float, plan: ModifiedTrajectory, level: float) -> TradeOffPoint:
+    preactuation = plan_preactuation_time(plan, level)
+    bound = error_bound(
+        plan.model, plan.reference, start=plan.manoeuvre[0] - max(preactuation, 0.0), output_scale=plan.output_scale
+    )
     return TradeOffPoint(
         real_part=real_part,
         alpha=plan.alpha,
-        preactuation=plan_preactuation_time(plan, level),
+        preactuation=preactuation,
         max_error=plan.relative_error,
+        error_bound=np.nan if bound is None else bound,
         error_after=float(np.max(plan.max_error_after / plan.output_scale)),
         peak_input=float(np.max(np.abs(plan.input_range))),
     )
@@ -209,6 +215,8 @@ class TradeOffPoint:
         alpha: rate at which the input before the manoeuvre decays backward in time [rad/s]; infinite without preactuation.
         preactuation: how long before the manoeuvre the input gets above the level of the trade-off [s].
         max_error: largest predicted |y - y_d| over all of time, of any output as a share of its scale.
+        error_bound: what no plan can bring that below which starts from rest `preactuation` before the manoeuvre, however large its
+            input (see `error_bound`); NaN where none is known.
         error_after: the same after the manoeuvre's end T_f.
         peak_input: largest |u_i|, in the inputs' units.
     """
@@ -217,6 +225,7 @@ class TradeOffPoint:
     alpha: float
     preactuation: float
     max_error: float
+    error_bound: float
     error_after: float
     peak_input: float
 
@@ -241,7 +250,15 @@ class TradeOff:
 
     def __str__(self) -> str:
         head = f"zeros at {format_zeros(self.moved)} moved; preactuation from {100 * self.level:g} % of the peak input on"
-        titles = ("real part [rad/s]", "alpha [rad/s]", "preactuation [s]", "error [-]", "error after [-]", "peak input")
+        titles = (
+            "real part [rad/s]",
+            "alpha [rad/s]",
+            "preactuation [s]",
+            "error [-]",
+            "least error [-]",
+            "error after [-]",
+            "peak input",
+        )
         rows = [
             tuple(f"{self.column(name)[k]:.4g}" for name in TradeOffPoint.__dataclass_fields__) for k in range(len(self.points))
         ]
