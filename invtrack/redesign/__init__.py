@@ -2,7 +2,8 @@
 
 from invtrack.redesign.constrained import ConstrainedTrajectory, constrained_redesign
 from invtrack.redesign.cost import cost
-from invtrack.redesign.limited.limit_check import ActiveLimit
+from invtrack.redesign.limited.active_limits import ActiveLimit, ActiveStretch
+from invtrack.redesign.limited.optimality import Optimality
 from invtrack.redesign.limits import Limits, StateLimit
 from invtrack.redesign.pareto import Outcome, TradeOff, outcome, pareto_sweep
 from invtrack.redesign.prefilter.frequency_response import FrequencyResponse
@@ -11,10 +12,12 @@ from invtrack.redesign.quadratic import quadratic_redesign
 
 __all__ = [
     "ActiveLimit",
+    "ActiveStretch",
     "ConstrainedTrajectory",
     "FrequencyResponse",
     "ImpulseResponse",
     "Limits",
+    "Optimality",
     "Outcome",
     "Prefilter",
     "PrefilteredTrajectory",

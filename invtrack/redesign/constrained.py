@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,9 @@ from invtrack.arrays import require_duration
 from invtrack.errors import RedesignError
 from invtrack.plans.plan import Plan
 from invtrack.plans.tail import Tail
-from invtrack.redesign.limited.limit_check import ActiveLimit, active_limits
+from invtrack.redesign.cost import as_weights
+from invtrack.redesign.limited.active_limits import ActiveLimit, active_limits
+from invtrack.redesign.limited.optimality import Optimality
 from invtrack.redesign.limited.window import KEPT, LimitedProblem, free_excess, solve_limited
 from invtrack.redesign.limits import Bound, Limits, bounds_of
 from invtrack.redesign.quadratic import free_optimum
@@ -30,15 +32,50 @@ class ConstrainedTrajectory(Plan):
     """A plan with limits.
 
     Args:
-        active: the limits that it touches, and when.
+        limits: all that it has to keep.
+        active: those that it touches, when, and what more room there would be worth.
         overshoot: largest excess of any limit anywhere, as a share of the limit's size; zero where all are kept.
         step: longest time over which the input is linear [s]. Zero where no limit is active: the plan is then the optimum without
             limits, in closed form.
+        optimality: cost and duality gap, how far from the best plan within the limits it can be; None where no limit is active.
     """
 
-    active: tuple[ActiveLimit, ...] = field(default=())
+    limits: tuple[Bound, ...] = ()
+    active: tuple[ActiveLimit, ...] = ()
     overshoot: float = 0.0
     step: float = 0.0
+    optimality: Optimality | None = None
+
+    @property
+    def shadow_prices(self) -> dict[str, float]:
+        """By how much the cost falls per unit by which each limit is loosened on both of its sides, to first order.
+
+        For a limit that was stated as one number it is minus the derivative of the cost by it; zero for limits that are not active.
+        """
+        return {limit.name: sum((a.multiplier for a in self.active if a.name == limit.name), start=0.0) for limit in self.limits}
+
+    def __str__(self) -> str:
+        """What it is, and a table of its limits: how long each side acts, and what one unit more there would save."""
+        head = [repr(self)]
+        if self.optimality is not None:
+            cost, gap = self.optimality.cost, self.optimality.duality_gap
+            head.append(f"cost {cost:.6g}; the best plan within the limits costs less by a share of {gap:.0e} at most")
+        rows = [("limit", "unit", "side", "value", "active [s]", "stretches", "cost saved per unit")]
+        for limit in self.limits:
+            for side, value in (("low", limit.low), ("high", limit.high)):
+                if np.isfinite(value):
+                    at = f"{value + limit.offset:.6g}"
+                    rows.append((limit.name, limit.unit or "-", side, at, *self._activity(limit.name, side)))
+        widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
+        lines = ("".join(f"{entry:<{width}}" for entry, width in zip(row, widths, strict=True)).rstrip() for row in rows)
+        return "\n".join([*head, *lines])
+
+    def _activity(self, name: str, side: str) -> tuple[str, str, str]:
+        """How long a side of a limit acts, in how many stretches, and what one unit more saves, as text."""
+        for each in self.active:
+            if (each.name, each.side) == (name, side):
+                return f"{each.duration:.4g}", str(len(each.stretches)), f"{each.multiplier:.4g}"
+        return "0", "0", "0"
 
 
 def constrained_redesign(
@@ -64,8 +101,10 @@ def constrained_redesign(
     widened until that part keeps within the limits too and none acts where it joins; then nothing is lost by leaving them out
     there. Within a step transitions and costs are exact (matrix exponentials). Inputs and rates keep their limits at every instant,
     to rounding; states and outputs to 1e-6 of them, checked between the steps' ends, where further instants are imposed as needed.
-    As `step` goes to zero the plan tends to the optimum among all inputs, its cost and its input with an error of order step^2 away
-    from the instants at which a limit begins or ceases to act.
+    The plan's `active` says where it touches which limit and what a unit more of it would save there (the integral of its Lagrange
+    multiplier), `shadow_prices` what that is in all; `optimality` holds the plan's cost and its duality gap, from the multipliers:
+    no plan with the same steps costs less by more than that. As `step` goes to zero the plan tends to the optimum among all inputs,
+    its cost and its input with an error of order step^2 away from the instants at which a limit begins or ceases to act.
 
     Args:
         model: StateSpace, SwitchedSystem, or anything with A, B, C, D.
@@ -80,7 +119,8 @@ def constrained_redesign(
         max_preactuation: longest time before the manoeuvre at which the plan may start [s]; None: as long as the tolerance asks.
 
     Raises what `quadratic_redesign` does, and RedesignError for limits that make no sense, that the plan at rest before or after
-    the manoeuvre does not keep, or that cannot be kept all at once: which conflict and how far one has to give way.
+    the manoeuvre does not keep, or that cannot be kept all at once (which conflict and how far one has to give way), and where the
+    plan found has a duality gap of more than 1e-6 of its cost.
     Method: dual-mode quadratic programming (P. Scokaert, J. Rawlings, "Constrained linear quadratic regulation", IEEE Trans.
     Automatic Control 43(8), 1998), in continuous time and at both ends.
     """
@@ -91,9 +131,13 @@ def constrained_redesign(
     _require_rest_within(problem.tails, problem.bounds)
     if free_excess(problem) <= KEPT:
         remark = "no limit is active: this is the optimum without limits"
-        return free.problem.plan(METHOD, free.trajectory, exact=False, remarks=(remark,), kind=ConstrainedTrajectory)
+        return free.problem.plan(
+            METHOD, free.trajectory, exact=False, remarks=(remark,), kind=ConstrainedTrajectory, limits=problem.bounds
+        )
     solution = solve_limited(problem, step)
-    active = active_limits(solution.trajectory, problem.bounds)
+    # Found in a unit of the cost of its own, in which the weights are about one.
+    unit = as_weights(free.problem.plant, R=R, Q_x=Q_x, Q_y=Q_y).size / free.weights.size
+    active = active_limits(solution.trajectory, problem.bounds, solution.rows, solution.multipliers * unit)
     steps = len(solution.trajectory.breakpoints) - 1
     remarks = (
         f"the input is linear in time over {steps} steps of up to {solution.step:.4g} s",
@@ -106,9 +150,11 @@ def constrained_redesign(
         exact=False,
         remarks=remarks,
         kind=ConstrainedTrajectory,
+        limits=problem.bounds,
         active=active,
         overshoot=solution.overshoot,
         step=solution.step,
+        optimality=replace(solution.optimality, cost=solution.optimality.cost * unit),
     )
 
 

@@ -54,10 +54,14 @@ class Weights:
         pairs = ((u, self.R), (x, self.Q_x), (error, self.Q_y))
         return np.asarray(sum(np.einsum("mi,ij,mj->m", *map(np.abs, (value, weight, value))) for value, weight in pairs))
 
+    @property
+    def size(self) -> float:
+        """The largest of their entries."""
+        return max(float(np.max(np.abs(weight))) for weight in (self.R, self.Q_x, self.Q_y))
+
     def in_unit(self) -> Weights:
         """The same weights in a power of two of the cost's unit, in which the largest of their entries is about one."""
-        largest = max(float(np.max(np.abs(weight))) for weight in (self.R, self.Q_x, self.Q_y))
-        unit = float(2.0 ** np.floor(np.log2(largest)))
+        unit = float(2.0 ** np.floor(np.log2(self.size)))
         return Weights(self.R / unit, self.Q_x / unit, self.Q_y / unit)
 
     def input_weight(self, D: Array) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array, real_numbers, real_vector
+from invtrack.channels import Channels
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem
 
@@ -61,6 +62,7 @@ class Bound:
         low: smallest value, or minus infinity.
         high: largest value, or infinity.
         offset: the row's value at the operating point, so that absolute limits are low + offset and high + offset.
+        unit: of the row's value, "" where it is not known.
     """
 
     name: str
@@ -69,6 +71,7 @@ class Bound:
     low: float
     high: float
     offset: float = 0.0
+    unit: str = ""
 
     @property
     def size(self) -> float:
@@ -87,22 +90,31 @@ class Bound:
 def bounds_of(limits: Limits, plant: SwitchedSystem) -> tuple[Bound, ...]:
     """The limits as rows of [x; u; y], those that are infinite left out.
 
-    Raises RedesignError for limits that are not numbers, of the wrong shape, not positive or with low >= high, for names of states
-    that the model does not have, and where nothing is limited at all.
+    Raises RedesignError for what is no Limits, for limits that are not numbers, of the wrong shape, not positive or with
+    low >= high, for names of states that the model does not have, and where nothing is limited at all.
     """
+    _require_stated_as_limits(limits)
     n, p, point = plant.n_states, plant.n_channels, plant.operating_point
-    kinds: tuple[tuple[Kind, str, Range, tuple[str, ...], int, Array], ...] = (
-        ("input", "input", limits.input, plant.inputs.names, n, point.u0),
-        ("input rate", "input_rate", limits.input_rate, plant.inputs.names, n, np.zeros(p)),
-        ("path", "output", limits.output, plant.outputs.names, n + p, point.y0),
+    kinds: tuple[tuple[Kind, str, Range, Channels, int, Array], ...] = (
+        ("input", "input", limits.input, plant.inputs, n, point.u0),
+        ("input rate", "input_rate", limits.input_rate, plant.inputs, n, np.zeros(p)),
+        ("path", "output", limits.output, plant.outputs, n + p, point.y0),
     )
     rows, found = np.eye(n + 2 * p), []
     for kind, name, value, channels, first, offset in kinds:
-        low, high = _sides(name, value, p, f"{name.partition('_')[0]}s {list(channels)}")
-        title = "rate of input" if kind == "input rate" else name
+        low, high = _sides(name, value, p, f"{name.partition('_')[0]}s {list(channels.names)}")
+        title, per = ("rate of input", "/s") if kind == "input rate" else (name, "")
         found += [
-            Bound(f"{title} {channel!r}", kind, rows[first + i], low[i] - offset[i], high[i] - offset[i], float(offset[i]))
-            for i, channel in enumerate(channels)
+            Bound(
+                name=f"{title} {channel!r}",
+                kind=kind,
+                row=rows[first + i],
+                low=float(low[i] - offset[i]),
+                high=float(high[i] - offset[i]),
+                offset=float(offset[i]),
+                unit=unit and unit + per,
+            )
+            for i, (channel, unit) in enumerate(zip(channels.names, channels.units, strict=True))
         ]
     found += [_state_bound(limit, plant) for limit in limits.states]
     finite = tuple(bound for bound in found if np.isfinite(bound.low) or np.isfinite(bound.high))
@@ -114,10 +126,27 @@ def bounds_of(limits: Limits, plant: SwitchedSystem) -> tuple[Bound, ...]:
     return finite
 
 
+def _require_stated_as_limits(limits: object) -> None:
+    """Raises RedesignError for anything but Limits whose `states` are StateLimits of distinct names."""
+    if not isinstance(limits, Limits):
+        raise RedesignError(f"expected limits such as invtrack.Limits(input=5.0), got {limits!r}")
+    states = limits.states
+    if not isinstance(states, Sequence) or not all(isinstance(each, StateLimit) for each in states):
+        raise RedesignError(
+            "Limits(states=...) must be a list of StateLimits such as "
+            f"[invtrack.StateLimit('twist', {{'th1': 1.0, 'th2': -1.0}}, 0.1)], got {states!r}"
+        )
+    names = [each.name for each in states]
+    if not all(isinstance(name, str) and name for name in names) or len(set(names)) != len(names):
+        raise RedesignError(f"each StateLimit needs a name of its own, which messages call it by, got {names}")
+
+
 def _state_bound(limit: StateLimit, plant: SwitchedSystem) -> Bound:
     row = np.append(state_row(limit.name, limit.row, plant), np.zeros(2 * plant.n_channels))
     low, high = _sides(limit.name, limit.limit, 1, "combination of states")
-    return Bound(repr(limit.name), "path", row, float(low[0]), float(high[0]))
+    units = {unit for unit, weight in zip(plant.states.units, row, strict=False) if weight != 0}
+    unit = units.pop() if len(units) == 1 else ""
+    return Bound(repr(limit.name), "path", row, float(low[0]), float(high[0]), unit=unit)
 
 
 def _sides(name: str, value: Range, size: int, meaning: str) -> tuple[Array, Array]:

@@ -56,8 +56,9 @@ class LimitedSlew:
                     "name": each.name,
                     "side": each.side,
                     "limit": each.limit,
-                    "seconds": sum(end - start for start, end in each.intervals),
-                    "intervals": each.intervals,
+                    "seconds": each.duration,
+                    "intervals": [(stretch.start, stretch.end) for stretch in each.stretches],
+                    "cost_saved_per_unit": each.multiplier,
                 }
                 for each in self.limited.active
             ],

@@ -72,7 +72,7 @@ def test_all_kinds_of_limits_at_once() -> None:
     assert len(plan.active) >= 2
     for active in plan.active:
         assert str(active) in plan.remarks
-        assert all(start <= end for start, end in active.intervals)
+        assert all(each.start <= each.end and each.multiplier >= 0 for each in active.stretches)
     assert len(sampled_plan(plan, rate=100.0).time) > 1000
 
 
@@ -84,7 +84,7 @@ def test_time_shift(case: str, delay: float) -> None:
     plain = limited(model, limits=limits)
     moved = limited(later, there_and_back().shifted(delay), limits)
     assert_close(moved(TIMES + delay).u, plain(TIMES).u)
-    assert [len(active.intervals) for active in moved.active] == [len(active.intervals) for active in plain.active]
+    assert [len(active.stretches) for active in moved.active] == [len(active.stretches) for active in plain.active]
 
 
 def test_units() -> None:

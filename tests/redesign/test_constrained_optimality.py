@@ -107,9 +107,9 @@ def test_limited_input(case: str, share: float) -> None:
     assert cost(plan, **weights) > cost(free, **weights)
     assert {active.name for active in plan.active} <= {f"input {name!r}" for name in as_switched(model).inputs.names}
     for active in plan.active:
-        start, end = active.intervals[0]
+        first = active.stretches[0]
         channel = int(active.name[-2]) - 1
-        value = plan.inputs([(start + end) / 2])[0, channel]
+        value = plan.inputs([(first.start + first.end) / 2])[0, channel]
         assert value == pytest.approx(active.limit, rel=1e-4)
 
 
@@ -227,8 +227,10 @@ def test_the_arcs_at_the_limits_do_not_depend_on_the_step() -> None:
     )
     for found, expected in zip(coarse.active, fine.active, strict=True):
         assert (found.name, found.side) == (expected.name, expected.side)
-        assert np.array(found.intervals) == pytest.approx(np.array(expected.intervals), abs=0.03)
-    assert {each.name: len(each.intervals) for each in fine.active}["'twist'"] == 3
+        assert [(each.start, each.end) for each in found.stretches] == [
+            pytest.approx((each.start, each.end), abs=0.03) for each in expected.stretches
+        ]
+    assert {each.name: len(each.stretches) for each in fine.active}["'twist'"] == 3
     assert cost(fine, **weights) <= cost(coarse, **weights) <= cost(fine, **weights) * (1 + 3e-6)
 
 

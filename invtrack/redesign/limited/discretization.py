@@ -24,7 +24,7 @@ class Step:
     """A step of a plant and of the reference behind it, as a map of its own ends.
 
     With z = [x; u_s; u_e] (n + 2 p,), the state and input at its start and the input at its end, x at its end is transition z, and
-    the step costs z'cost z + 2 z'drive w + constant for the reference's state w (q,) at its start.
+    the step costs z'cost z + 2 z'drive w + w'miss w for the reference's state w (q,) at its start.
 
     Args:
         system: the plant over the step.
@@ -32,6 +32,7 @@ class Step:
         transition: (n, n + 2 p).
         cost: (n + 2 p, n + 2 p).
         drive: (n + 2 p, q).
+        miss: (q, q), what it costs not to move.
     """
 
     system: StateSpace
@@ -39,6 +40,7 @@ class Step:
     transition: Array
     cost: Array
     drive: Array
+    miss: Array
 
     def values(self, row: Array, share: float) -> Array:
         """Row (n + 2 p,) of [x; u_s; u_e] that gives row [x; u; y] at this share of the step."""
@@ -75,6 +77,13 @@ class Grid:
     first: Indices
     last: Indices
     jumps: Indices
+
+    @property
+    def node_times(self) -> Array:
+        """Time [s] of each of the input's nodes."""
+        times = np.empty(self.nodes)
+        times[self.first], times[self.last] = self.times[:-1], self.times[1:]
+        return times
 
     @property
     def nodes(self) -> int:
@@ -154,7 +163,7 @@ def make_step(system: StateSpace, generator: Generator, weights: Weights, length
     ends = scipy.linalg.block_diag(_from_ends(n, p), np.eye(q))
     cost = length * ends.T @ gramian @ ends
     m = n + 2 * p
-    return Step(system, length, flow[:n, :m] @ ends[:m, :m], cost[:m, :m], cost[:m, m:])
+    return Step(system, length, flow[:n, :m] @ ends[:m, :m], cost[:m, :m], cost[:m, m:], cost[m:, m:])
 
 
 def ramp(system: StateSpace, unit: float) -> Array:

@@ -1,4 +1,4 @@
-"""Limits against a trajectory: where they are imposed, by how much they are exceeded, and where the plan touches them."""
+"""Limits against a trajectory: where they are imposed, and by how much they are exceeded."""
 
 from __future__ import annotations
 
@@ -6,16 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from invtrack.arrays import Array, Indices
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import Trajectory
 from invtrack.redesign.limited.discretization import Grid
 from invtrack.redesign.limits import Bound
-
-TOUCHING = 1e-5
-"""A value nearer to its limit than this share of the limit's size counts as on it."""
 
 STEP_SHARES = np.arange(17) / 16
 """Shares of a step at which its worst excess is looked for; a parabola through the largest and its neighbours finds what lies
@@ -56,22 +52,6 @@ def grid_points(grid: Grid, bounds: Sequence[Bound]) -> PathPoints:
     return PathPoints(np.repeat(numbers, len(step)).astype(np.intp), np.tile(step, len(numbers)), np.tile(share, len(numbers)))
 
 
-@dataclass(frozen=True)
-class ActiveLimit:
-    """A side of a limit that a plan touches: `side` "low" or "high", limit in absolute units, intervals (start, end) [s]."""
-
-    name: str
-    side: str
-    limit: float
-    intervals: tuple[tuple[float, float], ...]
-
-    def __str__(self) -> str:
-        total = sum(end - start for start, end in self.intervals)
-        spans = ", ".join(f"{start:.6g} to {end:.6g} s" for start, end in self.intervals[:4])
-        more = f" and {len(self.intervals) - 4} more" if len(self.intervals) > 4 else ""
-        return f"{self.name} is at its {self.side} limit {self.limit:.6g} for {total:.4g} s ({spans}{more})"
-
-
 def values_between(trajectory: Trajectory, bounds: Sequence[Bound], shares: Array) -> Array:
     """What is limited, at these shares (s,) of each piece between breakpoints: (bounds, pieces, s)."""
     edges = trajectory.breakpoints
@@ -86,15 +66,19 @@ def values_between(trajectory: Trajectory, bounds: Sequence[Bound], shares: Arra
 def worst_within_steps(trajectory: Trajectory, bounds: Sequence[Bound]) -> tuple[Array, Array]:
     """Largest excess of each limit within each step, as a share of its size, and the share of the step: (bounds, steps) both."""
     values = values_between(trajectory, bounds, STEP_SHARES)
-    excess = np.array([bound.excess(value) for bound, value in zip(bounds, values, strict=True)])
-    best = np.argmax(excess, axis=2)
+    return tops(np.array([bound.excess(value) for bound, value in zip(bounds, values, strict=True)]))
+
+
+def tops(values: Array) -> tuple[Array, Array]:
+    """Largest of values (..., steps, shares) at STEP_SHARES within each step, and the share of the step, both (..., steps)."""
+    best = np.argmax(values, axis=-1)
     middle = np.clip(best, 1, len(STEP_SHARES) - 2)
-    left, centre, right = (np.take_along_axis(excess, (middle + k)[:, :, None], axis=2)[:, :, 0] for k in (-1, 0, 1))
+    left, centre, right = (np.take_along_axis(values, (middle + k)[..., None], axis=-1)[..., 0] for k in (-1, 0, 1))
     bend = left - 2 * centre + right
     vertex = (left - right) / (2 * np.where(bend < 0, bend, 1.0))
     within = (bend < 0) & (np.abs(vertex) <= 1)  # also where the largest is the step's end: the vertex may lie beside it
     offset = np.where(within, vertex, best - middle)
-    top = np.where(within, centre - (left - right) * vertex / 4, np.max(excess, axis=2))
+    top = np.where(within, centre - (left - right) * vertex / 4, np.max(values, axis=-1))
     return top, (middle + offset) / (len(STEP_SHARES) - 1)
 
 
@@ -109,26 +93,3 @@ def tail_excess(tail: Tail, bounds: Sequence[Bound]) -> Array:
         sigma = np.union1d(np.linspace(0.0, horizon, half), np.geomspace(min(nearest, horizon / 2), horizon, half))
     plain, rate = (each.values(sigma, slice(None), 0.0) for each in (tail, tail.derivative()))
     return np.array([np.max(bound.excess((rate if bound.kind == "input rate" else plain) @ bound.row)) for bound in bounds])
-
-
-def active_limits(trajectory: Trajectory, bounds: Sequence[Bound]) -> tuple[ActiveLimit, ...]:
-    """Where the plan touches its limits between its breakpoints, by limit and side."""
-    shares = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
-    values = values_between(trajectory, bounds, shares)
-    edges = trajectory.breakpoints
-    times = (edges[:-1, None] + np.diff(edges)[:, None] * shares).ravel()
-    found = []
-    for bound, value in zip(bounds, values, strict=True):
-        for side, limit, distance in (("low", bound.low, value - bound.low), ("high", bound.high, bound.high - value)):
-            touches = (distance <= TOUCHING * bound.size).ravel()
-            if np.any(touches):
-                found.append(ActiveLimit(bound.name, side, float(limit + bound.offset), _runs(times, touches, len(shares))))
-    return tuple(found)
-
-
-def _runs(times: Array, touches: NDArray[np.bool_], longest: int) -> tuple[tuple[float, float], ...]:
-    """The stretches over which `touches` holds, breaks of less than `longest` instants left out: within a step it may lift off."""
-    at = np.flatnonzero(touches)
-    breaks = np.flatnonzero(np.diff(at) > longest)
-    starts, ends = at[np.concatenate([[0], breaks + 1])], at[np.concatenate([breaks, [len(at) - 1]])]
-    return tuple((float(times[a]), float(times[b])) for a, b in zip(starts, ends, strict=True))

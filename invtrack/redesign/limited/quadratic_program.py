@@ -37,7 +37,16 @@ REFINEMENTS = 4
 
 
 class SolverGaveUpError(RedesignError):
-    """The solver found neither a solution nor a proof that there is none."""
+    """The solver found neither a solution that can be trusted nor a proof that there is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """The minimiser z (m,) with P z + q + E'y + G'l = 0, and its multipliers y = of_equations and l = of_limits, which is >= 0."""
+
+    z: Array
+    of_equations: Array
+    of_limits: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,17 +69,17 @@ class QuadraticProgram:
     G: csr_array
     h: Array
 
-    def solve(self) -> Array | None:
-        """The minimiser z (m,); None where no z meets all constraints.
+    def solve(self) -> Minimum | None:
+        """The minimum; None where no z meets all constraints.
 
         Raises SolverGaveUpError where the solver reaches neither.
         """
         answer = self._attempt()
-        if answer.z is not None:
-            return answer.z
+        if answer.minimum is not None:
+            return answer.minimum
         # An unbounded cost may hide from the solver that nothing meets the constraints; how far they are apart it mostly finds.
         loosened = self._elastic(np.zeros(len(self.h), dtype=np.intp))._attempt()
-        if loosened.infeasible or (answer.infeasible if loosened.z is None else loosened.z[-1] > CONFLICT):
+        if loosened.infeasible or (answer.infeasible if loosened.minimum is None else loosened.minimum.z[-1] > CONFLICT):
             return None
         raise SolverGaveUpError(
             f"the solver gave up on the limited redesign: {answer.says}; this does not mean that the limits cannot be kept: take a "
@@ -82,8 +91,8 @@ class QuadraticProgram:
 
         group (rows,): number of the group of each row of G, -1 where it must not be loosened.
         """
-        z = self._elastic(group)._attempt().z
-        return None if z is None else np.maximum(z[len(self.q) :], 0.0)
+        minimum = self._elastic(group)._attempt().minimum
+        return None if minimum is None else np.maximum(minimum.z[len(self.q) :], 0.0)
 
     def _elastic(self, group: Indices) -> QuadraticProgram:
         """Minimise the sum of t over [z; t], as in `least_loosening`."""
@@ -122,7 +131,8 @@ class QuadraticProgram:
         for regularization in STATIC_REGULARIZATIONS:
             solution = clarabel.DefaultSolver(P, self.q / size, A, b, cones, _settings(regularization)).solve()
             if solution.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved):
-                return _Answer(np.array(solution.x), False, "solved")
+                of_equations, of_limits = np.split(size * np.array(solution.z), [len(self.e)])
+                return _Answer(Minimum(np.array(solution.x), of_equations, np.maximum(of_limits, 0.0)), False, "solved")
             if solution.status == clarabel.SolverStatus.PrimalInfeasible:
                 return _Answer(None, True, "infeasible")
         return _Answer(
@@ -134,9 +144,9 @@ class QuadraticProgram:
 
 @dataclass(frozen=True, eq=False)
 class _Answer:
-    """The solver's z, whether it proved that there is none, and what it says."""
+    """The minimum, whether the solver proved that there is none, and what it says."""
 
-    z: Array | None
+    minimum: Minimum | None
     infeasible: bool
     says: str
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse
@@ -37,6 +38,15 @@ def sparse_sum(entries: Sequence[Entries], shape: tuple[int, int]) -> csr_array:
     """The sum of all entries."""
     data, rows, columns = (np.concatenate([entry[k] for entry in entries]) for k in range(3))
     return scipy.sparse.csr_array(scipy.sparse.coo_array((data, (rows, columns)), shape=shape))
+
+
+@dataclass(frozen=True, eq=False)
+class LimitRows:
+    """What the rows of the programme's limits mean, (rows,) each: number of the bound, its side (-1 low, 1 high), time [s]."""
+
+    bound: Indices
+    side: Indices
+    time: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,13 +102,13 @@ class Transcription:
             v.append(1 / np.where(reach > 0, reach, 1.0))
         return np.concatenate([*v, np.tile(self.state_unit, len(self.grid.times)), np.tile(self.input_unit, self.grid.nodes)])
 
-    def program(self, points: PathPoints) -> tuple[QuadraticProgram, Indices]:
-        """Cost, equations and limits, and the number of the bound behind each row of the limits."""
+    def program(self, points: PathPoints) -> tuple[QuadraticProgram, LimitRows]:
+        """Cost, equations and limits, and what the rows of these mean."""
         unit = self.unit
         scale = scipy.sparse.diags_array(unit)
         P, q = self._cost()
         E, e = self._equations()
-        rows, low, high, owner = self.limit_rows(points)
+        rows, low, high, owner, time = self.limit_rows(points)
         above, below = np.isfinite(high), np.isfinite(low)
         G = scipy.sparse.vstack([rows[above], -rows[below]], format="csr")
         h = np.concatenate([high[above], -low[below]])
@@ -110,32 +120,43 @@ class Transcription:
             G=scipy.sparse.csr_array(G @ scale),
             h=h,
         )
-        return program, np.concatenate([owner[above], owner[below]])
+        side = np.repeat(np.array([1, -1], dtype=np.intp), [np.sum(above), np.sum(below)])
+        return program, LimitRows(np.append(owner[above], owner[below]), side, np.append(time[above], time[below]))
 
-    def limit_rows(self, points: PathPoints) -> tuple[csr_array, Array, Array, Indices]:
-        """rows z between low and high, in units of each limit's size, and the number of the bound behind each row."""
+    @cached_property
+    def miss(self) -> float:
+        """What it costs not to move, z = 0: the constant that the programme's cost leaves out."""
+        grid = self.grid
+        anchors = [grid.anchors[grid.kind == number, : len(step.miss)] for number, step in enumerate(grid.steps)]
+        return float(sum(np.einsum("ki,ij,kj->", w, step.miss, w) for w, step in zip(anchors, grid.steps, strict=True)))
+
+    def limit_rows(self, points: PathPoints) -> tuple[csr_array, Array, Array, Indices, Array]:
+        """rows z between low and high, in units of each limit's size, the number of the bound behind each row, and its time [s]."""
         blocks: list[tuple[Array, Indices]] = []
-        owner = []
+        owner, times, lengths = [], [], np.diff(self.grid.times)
         for number, bound in enumerate(self.bounds):
             channel = int(np.argmax(bound.row)) - self.n
             if bound.kind == "input":
                 columns = self.u_columns(np.arange(self.grid.nodes))[:, [channel]]
                 values = np.full(columns.shape, 1 / bound.size)
+                times.append(self.grid.node_times)
             elif bound.kind == "input rate":
                 ends = (self.grid.first, self.grid.last)
                 columns = np.hstack([self.u_columns(nodes)[:, [channel]] for nodes in ends])
                 length = np.array([step.length for step in self.grid.steps])[self.grid.kind]
                 values = np.array([-1.0, 1.0]) / (length * bound.size)[:, None]
+                times.append(self.grid.times[:-1] + lengths / 2)
             else:
                 chosen = np.flatnonzero(points.bound == number)
                 columns = self.step_columns(points.step[chosen])
                 values = self._path_values(bound, points.step[chosen], points.share[chosen]) / bound.size
+                times.append(self.grid.times[points.step[chosen]] + points.share[chosen] * lengths[points.step[chosen]])
             blocks.append((values, columns))
             owner.append(np.full(len(columns), number))
         rows = scipy.sparse.vstack([self._rows(values, columns) for values, columns in blocks], format="csr")
         number_of = np.concatenate(owner)
         size, low, high = (np.array([getattr(b, name) for b in self.bounds])[number_of] for name in ("size", "low", "high"))
-        return rows, low / size, high / size, number_of
+        return rows, low / size, high / size, number_of, np.concatenate(times)
 
     def trajectory(self, z: Array) -> Trajectory:
         """The plan on all of time."""

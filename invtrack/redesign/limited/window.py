@@ -6,15 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from invtrack.arrays import Array, Indices
+from invtrack.arrays import Array
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import Trajectory
 from invtrack.redesign.limited.discretization import make_grid, step_counts
 from invtrack.redesign.limited.limit_check import PathPoints, grid_points, tail_excess, values_between, worst_within_steps
+from invtrack.redesign.limited.optimality import Optimality, measured_optimality
 from invtrack.redesign.limited.quadratic_program import QuadraticProgram, SolverGaveUpError, explain
-from invtrack.redesign.limited.transcription import Transcription
+from invtrack.redesign.limited.transcription import LimitRows, Transcription
 from invtrack.redesign.limits import Bound
 from invtrack.redesign.quadratic import FreeOptimum
 from invtrack.references.signal import PiecewiseSignal
@@ -81,11 +82,23 @@ class LimitedProblem:
 
 @dataclass(frozen=True, eq=False)
 class LimitedSolution:
-    """The trajectory, the largest excess of a limit as a share of its size, the longest step [s]."""
+    """The best plan within the limits.
+
+    Args:
+        trajectory: of the deviations.
+        overshoot: the largest excess of a limit, as a share of its size.
+        step: the longest step [s].
+        rows: the rows by which the limits were imposed.
+        multipliers: of these, (rows,), in cost per unit of what each limits.
+        optimality: how far from the optimum it can be.
+    """
 
     trajectory: Trajectory
     overshoot: float
     step: float
+    rows: LimitRows
+    multipliers: Array
+    optimality: Optimality
 
 
 def free_excess(problem: LimitedProblem) -> float:
@@ -122,14 +135,15 @@ def _solve_with(problem: LimitedProblem, step: float) -> LimitedSolution:
     task = _transcribe(problem, units, margins, length)
     points = grid_points(task.grid, problem.bounds)
     for _ in range(MOST_ROUNDS):
-        program, owner = task.program(points)
-        z = program.solve()
-        if z is None:
+        program, rows = task.program(points)
+        minimum = program.solve()
+        if minimum is None:
             wider = _feasible_margins(problem, units, margins, length)
         else:
-            trajectory = task.trajectory(_exact(program, owner, problem.bounds, z))
+            z = _exact(program, rows, problem.bounds, minimum.z)
+            trajectory = task.trajectory(z)
             wider = _widened(problem, margins, length, trajectory)
-        if wider != margins:
+        if minimum is None or wider != margins:
             margins = wider
             task = _transcribe(problem, units, margins, length)
             points = grid_points(task.grid, problem.bounds)
@@ -137,7 +151,11 @@ def _solve_with(problem: LimitedProblem, step: float) -> LimitedSolution:
         excess, share = worst_within_steps(trajectory, problem.bounds)
         further = _exceeding(excess, share, problem.bounds)
         if len(further.bound) == 0:
-            return LimitedSolution(trajectory, max(0.0, float(np.max(excess))), length)
+            optimality = measured_optimality(program, z, minimum, task.miss)
+            optimality.require()
+            size = np.array([bound.size for bound in problem.bounds])[rows.bound]
+            overshoot = max(0.0, float(np.max(excess)))
+            return LimitedSolution(trajectory, overshoot, length, rows, minimum.of_limits / size, optimality)
         points = points.joined(further)
     raise RedesignError(
         f"the limited redesign did not settle in {MOST_ROUNDS} rounds of widening its window and imposing its limits at further "
@@ -213,13 +231,13 @@ def _feasible_margins(
         margins = (2 * margins[0], 2 * margins[1])
         steps[[0, -1]] *= 2
         task = _transcribe(problem, units, margins, steps)
-        program, owner = task.program(grid_points(task.grid, problem.bounds))
+        program, rows = task.program(grid_points(task.grid, problem.bounds))
         if program.solve() is not None:
             _require_steps(problem, margins, step)
             return margins
     raise RedesignError(
         f"the limits cannot all be kept, even with {margins[0]:.4g} s before the manoeuvre and {margins[1]:.4g} s after it: "
-        f"{explain(program, owner, problem.bounds)}"
+        f"{explain(program, rows.bound, problem.bounds)}"
     )
 
 
@@ -239,9 +257,9 @@ def _widened(problem: LimitedProblem, margins: tuple[float, float], step: float,
     return wider[0], wider[1]
 
 
-def _exact(program: QuadraticProgram, owner: Indices, bounds: tuple[Bound, ...], z: Array) -> Array:
+def _exact(program: QuadraticProgram, rows: LimitRows, bounds: tuple[Bound, ...], z: Array) -> Array:
     """The solver's answer with the plant's equations met to rounding, and inputs and rates that touch their limits on them."""
-    firm = np.array([bound.kind != "path" for bound in bounds])[owner]
+    firm = np.array([bound.kind != "path" for bound in bounds])[rows.bound]
     return program.nearest(z, firm & (program.h - program.G @ z <= SNAP))
 
 
