@@ -41,7 +41,7 @@ def graded_breakpoints(start: float, end: float, pieces: int) -> Array:
     if not np.all(np.isfinite(times)) or np.any(times[1:] <= times[:-1]):
         raise TrajectoryError(
             f"from {start:.17g} s to {end:.17g} s there is no room for the {pieces} piece(s) of a polynomial: times of that size "
-            f"are rounded to {np.spacing(max(abs(start), abs(end))):.1e} s; count time from the start of the motion"
+            f"are rounded to {abs(np.spacing(-max(abs(start), abs(end)) / 2)) * 2:.1e} s; count time from the start of the motion"
         )
     return times
 

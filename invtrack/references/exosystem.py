@@ -6,17 +6,21 @@ import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, Indices, increasing_times, real_matrix, real_numbers, real_vector
+from invtrack.arguments import flag, items, one_of, texts
+from invtrack.arrays import Array, Indices, finite_number, increasing_times, real_matrix, real_numbers, real_vector, whole_number
 from invtrack.errors import TrajectoryError
 from invtrack.references.signal import Generator, PiecewiseSignal
 
 Outside = Literal["zero", "held"]
+
+LARGEST_DEGREE = 100
+"""Of a polynomial exosystem: of higher degree its states, derivatives of the output, differ by more than numbers reach."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +55,7 @@ class Exosystem:
                 raise TrajectoryError(
                     f"interval {k} of the exosystem has A_e {A_e.shape} and C_e {C_e.shape}, expected ({q}, {q}) and ({p}, {q})"
                 )
-        given = tuple(f"x_e{i + 1}" for i in range(q)) if names is None else tuple(names)
+        given = tuple(f"x_e{i + 1}" for i in range(q)) if names is None else _names(names)
         if len(given) != q or len(set(given)) != q:
             raise TrajectoryError(f"expected {q} distinct names of the exosystem's states, got {list(given)}")
         times.setflags(write=False)
@@ -81,7 +85,10 @@ class Exosystem:
 
     def interval(self, t: ArrayLike) -> Indices:
         """Index of the interval that holds each time; a switch time itself belongs to the interval that it starts."""
-        return np.searchsorted(self.switch_times, np.asarray(t, dtype=float), side="right")
+        times = real_numbers("times [s]", t)
+        if np.any(np.isnan(times)):
+            raise TrajectoryError("times [s] must be numbers, got NaN among them")
+        return np.searchsorted(self.switch_times, times, side="right")
 
     def reference(self, x_e: ArrayLike, *, at: float | None = None) -> PiecewiseSignal:
         """The output y_d = C_e x_e (p channels) of the trajectory that passes through x_e (q,) at time `at` [s].
@@ -100,10 +107,9 @@ class Exosystem:
     def transition(self, start: float, end: float) -> Array:
         """Phi (q, q) with x_e(end) = Phi x_e(start), over any number of switches and in either direction of time.
 
-        Raises TrajectoryError for times [s] that are not finite.
+        Raises TrajectoryError for times [s] that are not finite, and where Phi is beyond the range of floating-point numbers.
         """
-        if not (np.isfinite(start) and np.isfinite(end)):
-            raise TrajectoryError(f"a transition needs finite times, got from {start} to {end} s")
+        start, end = finite_number("the start of a transition", start, unit="s"), finite_number("its end", end, unit="s")
         first, last = min(start, end), max(start, end)
         inner = self.switch_times[(self.switch_times > first) & (self.switch_times < last)]
         edges = np.concatenate([[first], inner, [last]])
@@ -111,12 +117,16 @@ class Exosystem:
             edges = edges[::-1]
         Phi: Array = np.eye(self.n_states)
         for a, b in itertools.pairwise(edges.tolist()):
-            Phi = scipy.linalg.expm(self.A[int(self.interval((a + b) / 2))] * (b - a)) @ Phi
+            with np.errstate(over="ignore", invalid="ignore"):
+                angle = self.A[int(self.interval(a / 2 + b / 2))] * (b - a)
+                Phi = scipy.linalg.expm(angle) @ Phi if np.all(np.isfinite(angle)) else np.full_like(Phi, np.inf)
+        if not np.all(np.isfinite(Phi)):
+            raise TrajectoryError(f"from {start} s to {end} s the exosystem's states leave the range of floating-point numbers")
         return Phi
 
     def resampled(self, switch_times: ArrayLike) -> Exosystem:
         """The same exosystem with its matrices listed for other switch times, which must hold its own ones."""
-        times = np.asarray(switch_times, dtype=float).reshape(-1)
+        times = increasing_times("switch times", switch_times)
         missing = np.setdiff1d(self.switch_times, times)
         if missing.size:
             raise TrajectoryError(f"the switch times {missing.tolist()} of the exosystem are not among the new ones")
@@ -127,7 +137,7 @@ class Exosystem:
         """The same exosystem in the coordinates T x_e (T (q, q), nonsingular): T A_e T^-1, C_e T^-1."""
         matrix = real_matrix("T", T)
         q = self.n_states
-        if matrix.shape != (q, q) or np.linalg.cond(matrix) > 1 / np.finfo(float).eps:
+        if matrix.shape != (q, q) or not np.linalg.cond(matrix) <= 1 / np.finfo(float).eps:
             raise TrajectoryError(f"T must be a nonsingular ({q}, {q}) matrix, got shape {matrix.shape}")
         return self._mapped(
             lambda A_e: np.asarray(np.linalg.solve(matrix.T, (matrix @ A_e).T).T, dtype=float),
@@ -140,7 +150,9 @@ class Exosystem:
 
         States of weight 0, which no output may show, stand still.
         """
-        given = real_numbers("weights", weights)
+        given = real_vector("weights", weights, self.names)
+        if np.any(given < 0):
+            raise TrajectoryError(f"weights must not be negative, got {given.tolist()}")
         seen = given > 0
         w = np.where(seen, given, 1.0)
         return self._mapped(lambda A_e: np.where(seen[:, None] & seen, A_e / w * w[:, None], 0.0), lambda C_e: C_e / w)
@@ -156,6 +168,7 @@ class Exosystem:
 
     def shifted(self, delay: float) -> Exosystem:
         """The same exosystem `delay` seconds later."""
+        delay = finite_number("delay", delay, unit="s")
         return Exosystem(self.A, self.C, self.switch_times + delay, names=self.names)
 
     def _signal(self, x_e: ArrayLike, at: float | None, rows: Sequence[Array]) -> PiecewiseSignal:
@@ -176,8 +189,14 @@ class Exosystem:
         after = int(np.searchsorted(edges, at))  # the first edge not before `at`
 
         def carried(state: Array, piece: int, length: float) -> Array:
-            propagator = generators[kind[piece]].propagator(length)
-            result: Array = propagator.states(state[np.newaxis], np.array([abs(length)]))[0]
+            generator = generators[kind[piece]]
+            if not abs(length) <= generator.horizon:
+                raise TrajectoryError(
+                    f"the exosystem's state cannot be followed over {abs(length):.3g} s: rounding of such times hides what it does "
+                    f"beyond {generator.horizon:.3g} s; give it at a time closer by"
+                )
+            with np.errstate(over="ignore", invalid="ignore"):  # refused by the signal
+                result: Array = generator.propagator(length).states(state[np.newaxis], np.array([abs(length)]))[0]
             return result
 
         state, time = x, at
@@ -193,9 +212,7 @@ class Exosystem:
     def _reference_time(self, at: float | None) -> float:
         if at is None:
             return float(self.switch_times[0]) if len(self) > 1 else 0.0
-        if not np.isfinite(at):
-            raise TrajectoryError(f"the time at which the exosystem's state is given must be finite, got {at}")
-        return float(at)
+        return finite_number("the time at which the exosystem's state is given", at, unit="s")
 
 
 def exosystem(
@@ -217,8 +234,9 @@ def exosystem(
 
     Raises TrajectoryError where shapes or times do not fit.
     """
-    if outside not in ("zero", "held"):
-        raise TrajectoryError(f"outside must be 'zero' or 'held', got {outside!r}")
+    one_of("outside", outside, get_args(Outside), error=TrajectoryError)
+    start = None if start is None else finite_number("start", start, unit="s")
+    end = None if end is None else finite_number("end", end, unit="s")
     if start is not None and end is not None and not end > start:
         raise TrajectoryError(f"end must be after start, got start {start} and end {end}")
     A, C = real_matrix("A_e", A_e), real_matrix("C_e", C_e)
@@ -232,6 +250,7 @@ def exosystem(
 def _copies(name: str, matrices: Sequence[ArrayLike]) -> tuple[Array, ...]:
     """Copies that cannot be written to; one that recurs stays one, so that what is worked out for it is worked out once."""
     known: dict[int, Array] = {}
+    matrices = items(name, matrices, expected="a list of matrices, one for each interval", error=TrajectoryError)
     for value in matrices:
         if id(value) not in known:
             known[id(value)] = real_matrix(name, value)
@@ -254,7 +273,7 @@ def sinusoidal_exosystem(
 
     Raises TrajectoryError for frequencies that are not positive and distinct.
     """
-    omegas = np.atleast_1d(real_numbers("frequencies", frequencies))
+    omegas, bias = np.atleast_1d(real_numbers("frequencies", frequencies)), flag("bias", bias, error=TrajectoryError)
     if omegas.ndim != 1 or not np.all(np.isfinite(omegas) & (omegas > 0)) or len(np.unique(omegas)) != len(omegas):
         raise TrajectoryError(f"frequencies must be positive and distinct [rad/s], got {frequencies!r}")
     blocks = [np.zeros((1, 1))] * bias + [np.array([[0.0, omega], [-omega, 0.0]]) for omega in omegas.tolist()]
@@ -270,13 +289,12 @@ def polynomial_exosystem(
 ) -> Exosystem:
     """y_d a polynomial of time of the degree stated: its states are y_d, y_d', ..., y_d^(degree).
 
-    start, end, outside: see `exosystem`. Raises TrajectoryError for a degree that is no whole number from 0 on.
+    start, end, outside: see `exosystem`. Raises TrajectoryError for a degree that is no whole number from 0 to 100.
     """
-    if not (isinstance(degree, (int, float, np.number)) and degree >= 0 and float(degree).is_integer()):
-        raise TrajectoryError(f"the degree must be a whole number from 0 on, got {degree!r}")
-    names = ["value", *(f"derivative {k}" for k in range(1, int(degree) + 1))]
-    first = np.eye(1, int(degree) + 1)
-    return exosystem(np.eye(int(degree) + 1, k=1), first, start=start, end=end, outside=outside, names=names)
+    degree = whole_number("degree", degree, highest=LARGEST_DEGREE)
+    names = ["value", *(f"derivative {k}" for k in range(1, degree + 1))]
+    first = np.eye(1, degree + 1)
+    return exosystem(np.eye(degree + 1, k=1), first, start=start, end=end, outside=outside, names=names)
 
 
 def step_exosystem(*, start: float | None = None, end: float | None = None, outside: Outside = "zero") -> Exosystem:
@@ -290,7 +308,7 @@ def sum_exosystems(parts: Sequence[Exosystem]) -> Exosystem:
     Names that occur twice are told apart by the number of their part ("2: bias"). Raises TrajectoryError where the numbers of
     outputs differ, or for no parts.
     """
-    _require_exosystems(parts)
+    parts = _exosystems(parts)
     if len({part.n_outputs for part in parts}) > 1:
         raise TrajectoryError(f"cannot add exosystems with {[part.n_outputs for part in parts]} outputs")
     return _side_by_side(parts, lambda *rows: np.hstack(rows))
@@ -298,7 +316,7 @@ def sum_exosystems(parts: Sequence[Exosystem]) -> Exosystem:
 
 def stack_exosystems(parts: Sequence[Exosystem]) -> Exosystem:
     """One exosystem whose states and outputs are those of all `parts`: for a plant with several outputs. See `sum_exosystems`."""
-    _require_exosystems(parts)
+    parts = _exosystems(parts)
     return _side_by_side(parts, scipy.linalg.block_diag)
 
 
@@ -313,7 +331,13 @@ def _side_by_side(parts: Sequence[Exosystem], join_rows: Callable[..., Array]) -
     return Exosystem(A, C, times, names=names)
 
 
-def _require_exosystems(parts: Sequence[Exosystem]) -> None:
-    strangers = [type(part).__name__ for part in parts if not isinstance(part, Exosystem)]
-    if not parts or strangers:
+def _exosystems(parts: Sequence[Exosystem]) -> list[Exosystem]:
+    listed = items("parts", parts, expected="a list of exosystems", error=TrajectoryError)
+    strangers = [type(part).__name__ for part in listed if not isinstance(part, Exosystem)]
+    if not listed or strangers:
         raise TrajectoryError(f"expected at least one exosystem and nothing else, got {strangers or 'none'}")
+    return listed
+
+
+def _names(names: Sequence[str]) -> tuple[str, ...]:
+    return texts("names", names, expected="a list of names of the exosystem's states", error=TrajectoryError)

@@ -42,7 +42,9 @@ def polynomial_signal(
     R = np.hstack([np.kron(rows, first), np.outer(offset, np.ones(offset_states))])
     shift = scipy.linalg.block_diag(*[np.eye(width, k=1)] * g, np.zeros((offset_states, offset_states)))
     distinct, which = np.unique(units, return_inverse=True)
-    generators = (constant_generator(p), *(Generator(shift / unit, R) for unit in distinct.tolist()))
+    with np.errstate(over="ignore", divide="ignore", invalid="ignore"):  # refused by the generator
+        shifts = [shift / unit for unit in distinct]
+    generators = (constant_generator(p), *(Generator(S, R) for S in shifts))
     anchors = np.zeros((m + 2, max(p, R.shape[1])))
     anchors[1:-1, : g * width] = derivatives.reshape(m, -1)
     anchors[1:-1, g * width : R.shape[1]] = 1.0

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import ArrayLike
 
+from invtrack.arguments import items, one_of
 from invtrack.arrays import Array, finite_number, increasing_times, real_matrix, real_numbers, require_duration, whole_number
 from invtrack.errors import TrajectoryError
 from invtrack.references.bernstein import bernstein_derivatives, graded_breakpoints, pieces_for
@@ -19,7 +20,6 @@ from invtrack.references.signal import (
     channel_values,
     constant_generator,
     constant_signal,
-    require_list,
 )
 
 LARGEST_SMOOTHNESS = 100
@@ -50,7 +50,7 @@ def rest_to_rest(
     if y_0.shape != y_f.shape:
         raise TrajectoryError(f"start and end must have the same channels, got shapes {y_0.shape} and {y_f.shape}")
     require_duration("duration", duration)
-    start_time = finite_number("start_time", start_time, unit="s")
+    duration, start_time = float(duration), finite_number("start_time", start_time, unit="s")
     k = whole_number("smoothness", smoothness, highest=LARGEST_SMOOTHNESS)
     pieces = pieces_for(k)  # not those for the degree: of the slope's k-th derivative, a polynomial of degree k
     edges = graded_breakpoints(start_time, start_time + duration, pieces)
@@ -92,8 +92,7 @@ def piecewise_polynomial(
     times = increasing_times("breakpoints", breakpoints)
     given = _coefficients(coefficients, len(times))
     require_duration("time_scale", time_scale)
-    if not isinstance(basis, str) or basis not in ("power", "bernstein"):
-        raise TrajectoryError(f"basis must be 'power' or 'bernstein', got {basis!r}")
+    one_of("basis", basis, get_args(Basis), error=TrajectoryError)
     if basis == "bernstein":
         if time_scale != 1.0:
             raise TrajectoryError("Bernstein coefficients belong to each piece's own length; leave out time_scale")
@@ -145,7 +144,7 @@ def raised_cosine(peak: float, *, period: float = 2 * np.pi, cycles: int = 1, st
     """
     peak, start_time = finite_number("peak", peak), finite_number("start_time", start_time, unit="s")
     require_duration("period", period)
-    cycles = whole_number("cycles", cycles, lowest=1)
+    cycles, period = whole_number("cycles", cycles, lowest=1, highest=2**53), float(period)
     end = start_time + cycles * period
     if not start_time < end < np.inf:
         raise TrajectoryError(
@@ -169,7 +168,8 @@ def constant(value: ArrayLike, *, at: float = 0.0) -> PiecewiseSignal:
 
 def _coefficients(coefficients: Sequence[ArrayLike], count: int) -> list[Array]:
     """One matrix (p, degree + 1) of finite numbers for each piece between `count` breakpoints."""
-    listed = require_list("coefficients", coefficients, "one array (p, degree + 1) for each piece")
+    expected = "a list of one array (p, degree + 1) for each piece"
+    listed = items("coefficients", coefficients, expected=expected, error=TrajectoryError)
     given = [np.atleast_2d(real_numbers(f"the coefficients of piece {j}", c)) for j, c in enumerate(listed)]
     if len(given) != count - 1 or not given:
         raise TrajectoryError(f"expected one polynomial between each two of {count} breakpoints, got {len(given)}")
@@ -184,7 +184,7 @@ def _coefficients(coefficients: Sequence[ArrayLike], count: int) -> list[Array]:
 
 
 def _held(held: tuple[ArrayLike, ArrayLike], p: int) -> tuple[Array, Array]:
-    pair = require_list("held", held, "the values before and after")
+    pair = items("held", held, expected="a pair of the values before and after", error=TrajectoryError)
     if len(pair) != 2:
         raise TrajectoryError(f"held must be the values before and after, two of them, got {len(pair)}")
     values = [channel_values(f"held {place} the motion", value) for place, value in zip(("before", "after"), pair, strict=True)]

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.arrays import Array
+from invtrack.arguments import texts
+from invtrack.arrays import Array, whole_number
 from invtrack.channels import Channels
 from invtrack.errors import TrajectoryError
-from invtrack.references.signal import JUMP_TOLERANCE, Generator, PiecewiseSignal
+from invtrack.references.signal import HIGHEST_DERIVATIVE, JUMP_TOLERANCE, Generator, PiecewiseSignal, require_signal
 
 FEWEST_PIECES = 16
 """With fewer pieces a change from piece to piece is the shape of the motion, not noise in samples."""
@@ -98,10 +99,12 @@ def reference_report(
 
     Raises TrajectoryError where `highest` is no whole number from 1 on, or the number of channels is another one.
     """
-    p = reference.n_channels
-    if not isinstance(highest, int) or highest < 1:
-        raise TrajectoryError(f"highest must be a whole number from 1 on, got {highest!r}")
-    channels = Channels.numbered("y", p) if channels is None else Channels.of(channels)
+    p = require_signal("reference", reference).n_channels
+    highest = whole_number("highest", highest, lowest=1, highest=HIGHEST_DERIVATIVE)
+    if channels is None:
+        channels = Channels.numbered("y", p)
+    elif not isinstance(channels, Channels):
+        channels = Channels(texts("channels", channels, expected="Channels, or a list of their names", error=TrajectoryError))
     if len(channels) != p:
         raise TrajectoryError(f"the reference has {p} channel(s), got names for {len(channels)}: {channels}")
     edges = reference.breakpoints

@@ -12,11 +12,15 @@ import scipy  # loads scipy.interpolate at its first use
 import scipy.linalg
 from numpy.typing import ArrayLike
 
+from invtrack.arguments import file_path, require_text, texts
 from invtrack.arrays import Array, Indices, real_numbers, whole_number
 from invtrack.errors import FileError, TrajectoryError
 from invtrack.files import read_table
 from invtrack.references.polynomials import polynomial_signal, state_units
 from invtrack.references.signal import PiecewiseSignal
+
+LARGEST_DEGREE = 99
+"""A spline of higher degree through more than a few samples is rounding magnified, whatever they are."""
 
 MISS_TOLERANCE = 1e-9
 """How far the spline may be off, as a share of its channel's motion: from the samples, and from the one through samples that are
@@ -85,6 +89,10 @@ def load_reference(
     header, a cell is not a finite number, times do not increase or are not in seconds, or a column is not there.
     """
 
+    path, time = file_path(path), require_text("time", time, error=FileError)
+    if channels is not None:
+        channels = texts("channels", channels, expected="a list of names of columns", error=FileError)
+
     def choose(header: Sequence[str]) -> list[int]:
         first = _column(path, header, time)
         if _name_and_unit(header[first])[1] not in ("", "s"):
@@ -132,7 +140,7 @@ def _require_increasing(t: Array, place: Callable[[int], str]) -> None:
 
 def _require_possible(count: int, degree: int, smoothness: int | None) -> int:
     """The smoothness at the ends, once it and the number of samples are known to determine one spline."""
-    degree = whole_number("degree", degree, lowest=1)
+    degree = whole_number("degree", degree, lowest=1, highest=LARGEST_DEGREE)
     if degree % 2 == 0:
         raise TrajectoryError(f"degree must be odd, got {degree}; a spline of even degree has its knots between the samples")
     half = (degree - 1) // 2

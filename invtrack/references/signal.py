@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from invtrack.arguments import instance, items
 from invtrack.arrays import Array, Indices, finite_number, increasing_times, real_matrix, real_numbers, whole_number
 from invtrack.errors import TrajectoryError
 from invtrack.linear.propagation import Propagator
@@ -18,6 +18,9 @@ from invtrack.linear.propagation import Propagator
 JUMP_TOLERANCE = 1e-9
 """A derivative counts as continuous where it jumps by less than this share of its largest value next to any breakpoint."""
 
+
+HIGHEST_DERIVATIVE = 1000
+"""No derivative of higher order is worked out: long before, most leave the range of floating-point numbers."""
 
 SIZE_SHARES = (-0.5, -0.25, 0.0, 0.25, 0.5)
 """Where in each piece a derivative's size is looked for, as shares of its length from its middle."""
@@ -47,7 +50,7 @@ class Generator:
         Raises TrajectoryError where it is beyond the range of floating-point numbers.
         """
         rows = self._rows
-        while len(rows) <= order:
+        while len(rows) <= order and np.any(rows[-1]):
             with np.errstate(over="ignore", invalid="ignore"):
                 row = np.asarray(rows[-1] @ self.S)
             if not np.all(np.isfinite(row)):
@@ -57,7 +60,7 @@ class Generator:
                 )
             row.setflags(write=False)
             rows.append(row)
-        return rows[order]
+        return rows[min(order, len(rows) - 1)]  # once zero, they all are
 
     @cached_property
     def _rows(self) -> list[Array]:
@@ -67,7 +70,8 @@ class Generator:
     @cached_property
     def horizon(self) -> float:
         """How far [s] exp(S t) can be followed before the rounding of t alone hides in which phase it is."""
-        pace = float(np.linalg.norm(self.S, 1))
+        with np.errstate(over="ignore"):
+            pace = float(np.linalg.norm(self.S, 1))
         return 1 / (np.finfo(float).eps * pace) if pace > np.finfo(float).tiny / np.finfo(float).eps else np.inf
 
     def propagator(self, direction: float) -> Propagator:
@@ -109,7 +113,7 @@ class PiecewiseSignal:
 
     def __post_init__(self) -> None:
         times = increasing_times("breakpoints", self.breakpoints)
-        generators = tuple(require_list("generators", self.generators, "at least one Generator(S, R)"))
+        generators = tuple(items("generators", self.generators, expected="a list of Generator(S, R)", error=TrajectoryError))
         if not len(times):
             raise TrajectoryError("a signal needs breakpoints, at least one, got none")
         if not generators or not all(isinstance(g, Generator) and len(g.R) == len(generators[0].R) for g in generators):
@@ -127,6 +131,13 @@ class PiecewiseSignal:
             )
         if not np.all(np.isfinite(anchors)):
             raise TrajectoryError("the signal has values that are not finite")
+        for index, generator in enumerate(generators):
+            longest = float(np.max(np.diff(times)[kind[1:-1] == index], initial=0.0))
+            if longest > generator.horizon:
+                raise TrajectoryError(
+                    f"a piece of {longest:.3g} s is too long: rounding of such times hides what it does beyond "
+                    f"{generator.horizon:.3g} s; cut it into shorter ones"
+                )
         for name, value in (
             ("breakpoints", times),
             ("generators", generators),
@@ -151,7 +162,10 @@ class PiecewiseSignal:
 
     def locate(self, t: ArrayLike) -> Indices:
         """Index of the piece that holds each time; a breakpoint belongs to the piece on its right."""
-        return np.searchsorted(self.breakpoints, np.asarray(t, dtype=float), side="right")
+        times = real_numbers("times [s]", t)
+        if np.any(np.isnan(times)):
+            raise TrajectoryError("times [s] must be numbers, got NaN among them")
+        return np.searchsorted(self.breakpoints, times, side="right")
 
     def __call__(self, t: ArrayLike, *, derivative: int = 0, inside: ArrayLike | None = None) -> Array:
         """Values, or derivatives of the stated order, at times t (m,) or scalar: (m, p) or (p,).
@@ -161,7 +175,7 @@ class PiecewiseSignal:
         the signal is beyond the range of floating-point numbers.
         """
         times, within = finite_times(t, inside)
-        order = whole_number("derivative", derivative)
+        order = whole_number("derivative", derivative, highest=HIGHEST_DERIVATIVE)
         rows = [generator.derivative(order) for generator in self.generators]
         with np.errstate(over="ignore", invalid="ignore"):
             result = self._values(rows, self.locate(within), times)
@@ -204,7 +218,7 @@ class PiecewiseSignal:
     def size(self, order: int) -> Array:
         """Largest value of a derivative (p,) over ends of pieces and points within, or what rounding of lower ones leaves."""
         known = self._sizes
-        order = whole_number("order", order)
+        order = whole_number("order", order, highest=HIGHEST_DERIVATIVE)
         while len(known) <= order:
             times, spread = self.inner_times(), np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]])
             times[[0, -1]] = self.breakpoints[[0, -1]]
@@ -225,7 +239,8 @@ class PiecewiseSignal:
         """How many derivatives of a channel, the value itself counted as one, are continuous; at most `highest` are tried."""
         channel = whole_number("channel", channel, highest=self.n_channels - 1)
         highest = whole_number("highest", highest)
-        for order in range(highest):
+        states = max(len(generator.S) for generator in self.generators)
+        for order in range(min(highest, 2 * states)):  # two systems that agree so long agree for ever (Cayley, Hamilton)
             if np.any(self.jumps(order)[:, channel] > JUMP_TOLERANCE):
                 return order
         return highest
@@ -296,7 +311,8 @@ class PiecewiseSignal:
         for index, generator in enumerate(self.generators):
             chosen = self.kind[owner] == index
             rows = [np.eye(len(generator.S))] * len(self.generators)
-            anchors[chosen, : len(generator.S)] = self._values(rows, owner[chosen], anchor_times[chosen])
+            with np.errstate(over="ignore", invalid="ignore"):  # refused by the signal
+                anchors[chosen, : len(generator.S)] = self._values(rows, owner[chosen], anchor_times[chosen])
         unmoved = np.isin(anchor_times, self.breakpoints)  # keep these to the last bit
         unmoved[0] = breakpoints[0] == self.breakpoints[0]
         anchors[unmoved] = self.anchors[owner[unmoved]]
@@ -366,25 +382,19 @@ def constant_signal(values: Array, at: float) -> PiecewiseSignal:
 def finite_times(t: ArrayLike, inside: ArrayLike | None) -> tuple[Array, Array]:
     """Times (m,) [s], and as many within the pieces meant, by default the same. Raises TrajectoryError unless all are finite."""
     times = np.atleast_1d(real_numbers("times [s]", t))
-    within = times if inside is None else np.broadcast_to(real_numbers("times inside pieces [s]", inside), times.shape)
+    within = times if inside is None else np.atleast_1d(real_numbers("times inside pieces [s]", inside))
+    if within.shape not in ((1,), times.shape):
+        raise TrajectoryError(f"expected one time inside its piece for each of {times.shape} times, got {within.shape}")
     if times.ndim != 1 or not (np.all(np.isfinite(times)) and np.all(np.isfinite(within))):
         raise TrajectoryError(f"expected finite times (m,) [s], got {np.asarray(t).tolist()!r}")
-    return times, within
+    return times, np.broadcast_to(within, times.shape)
 
 
 def require_signal(name: str, value: object) -> PiecewiseSignal:
     """The signal itself. Raises TrajectoryError for what is none."""
-    if not isinstance(value, PiecewiseSignal):
-        raise TrajectoryError(f"{name} must be a signal, such as rest_to_rest(...) or constant(...), got {type(value).__name__}")
-    return value
-
-
-def require_list(name: str, value: object, meaning: str) -> list[Any]:
-    """What a list, tuple or array holds. Raises TrajectoryError for anything else, and for masked arrays."""
-    listed = isinstance(value, Sequence) or (isinstance(value, np.ndarray) and value.ndim > 0)
-    if not listed or isinstance(value, (str, bytes, np.ma.MaskedArray)):
-        raise TrajectoryError(f"{name} must be a list of {meaning}, got {type(value).__name__}")
-    return list(value)  # type: ignore[call-overload, no-any-return]
+    return instance(
+        name, value, PiecewiseSignal, expected="a signal, such as rest_to_rest(...) or constant(...)", error=TrajectoryError
+    )
 
 
 def channel_values(name: str, value: ArrayLike) -> Array:
@@ -397,7 +407,8 @@ def channel_values(name: str, value: ArrayLike) -> Array:
 
 def _inner_times(edges: Array) -> Array:
     """One time inside each piece between, before and after the edges (m + 1,), also where these are neighbouring numbers."""
-    middle = edges[:-1] + np.diff(edges) / 2
+    with np.errstate(over="ignore"):
+        middle = edges[:-1] + np.diff(edges) / 2
     middle = np.where(middle < edges[1:], middle, edges[:-1])
     return np.concatenate([[min(edges[0] - 1.0, np.nextafter(edges[0], -np.inf))], middle, [edges[-1] + 1.0]])
 
@@ -416,7 +427,8 @@ def stack(signals: Sequence[PiecewiseSignal]) -> PiecewiseSignal:
 
     Raises TrajectoryError for none, and for what is no signal.
     """
-    listed = require_list("signals", signals, "signals to stack, such as [rest_to_rest(...), constant(0.0)]")
+    expected = "a list of signals to stack, such as [rest_to_rest(...), constant(0.0)]"
+    listed = items("signals", signals, expected=expected, error=TrajectoryError)
     if not listed:
         raise TrajectoryError("signals must be a list of signals to stack, at least one, got none")
     for i, signal in enumerate(listed):

@@ -108,28 +108,28 @@ def test_what_is_handed_in_is_copied() -> None:
         (lambda: exosystem([[np.nan]], [1.0]), "A_e must be a matrix of finite real numbers"),
         (lambda: exosystem([["a"]], [1.0]), "A_e must be real numbers, got"),
         (lambda: exosystem([[0.0]], [1.0], start=1.0, end=1.0), "end must be after start, got start 1.0 and end 1.0"),
-        (lambda: exosystem([[0.0]], [1.0], start=1.0, outside="ring"), "outside must be 'zero' or 'held', got 'ring'"),  # type: ignore[arg-type]
+        (lambda: exosystem([[0.0]], [1.0], start=1.0, outside="ring"), "outside must be one of 'zero', 'held', got 'ring'"),  # type: ignore[arg-type]
         (lambda: exosystem([[0.0]], [1.0], names=["a", "b"]), r"expected 1 distinct names .* got \['a', 'b'\]"),
         (lambda: Exosystem([[[0.0]]], [[[1.0]]], [2.0]), "2 of each for 1 switch times; got 1 and 1"),
         (lambda: Exosystem([[[0.0]]] * 3, [[[1.0]]] * 3, [2.0, 1.0]), r"finite and increase, got \[2.0, 1.0\]"),
         (lambda: exosystem([[0.0]], [1.0]).reference([1.0, 2.0]), r"must be finite, one number for each of \['x_e1'\]"),
-        (lambda: exosystem([[0.0]], [1.0]).reference([1.0], at=np.inf), "must be finite, got inf"),
+        (lambda: exosystem([[0.0]], [1.0]).reference([1.0], at=np.inf), "state is given must be a finite number .*, got inf"),
         (lambda: step_exosystem(start=0.0).resampled([1.0]), r"switch times \[0.0\] of the exosystem are not among the new ones"),
         (lambda: step_exosystem().transformed([[0.0]]), r"T must be a nonsingular \(1, 1\) matrix"),
         (lambda: sinusoidal_exosystem([1.0, -2.0]), r"frequencies must be positive and distinct \[rad/s\], got \[1.0, -2.0\]"),
         (lambda: sinusoidal_exosystem([], bias=False), "expected at least one frequency, or a bias"),
-        (lambda: polynomial_exosystem(-1), "whole number from 0 on, got -1"),
+        (lambda: polynomial_exosystem(-1), "degree must be a whole number from 0 to 100, got -1"),
         (
             lambda: sum_exosystems([step_exosystem(), stack_exosystems([step_exosystem(), step_exosystem()])]),
             r"cannot add exosystems with \[1, 2\] outputs",
         ),
         (lambda: stack_exosystems([]), "expected at least one exosystem and nothing else, got none"),
         (lambda: sum_exosystems([step_exosystem(), 2.0]), r"nothing else, got \['float'\]"),  # type: ignore[list-item]
-        (lambda: polynomial_exosystem("2"), "whole number from 0 on, got '2'"),  # type: ignore[arg-type]
+        (lambda: polynomial_exosystem("2"), "degree must be a whole number from 0 to 100, got '2'"),  # type: ignore[arg-type]
         (lambda: sinusoidal_exosystem(["fast"]), r"frequencies must be real numbers, got \['fast'\]"),
-        (lambda: step_exosystem(start="now"), "switch times of the exosystem must be real numbers"),  # type: ignore[arg-type]
+        (lambda: step_exosystem(start="now"), "start must be real numbers"),  # type: ignore[arg-type]
         (lambda: step_exosystem().reference("x"), "the exosystem's state must be real numbers, got 'x'"),
-        (lambda: step_exosystem().transition(0.0, np.nan), "finite times, got from 0.0 to nan s"),
+        (lambda: step_exosystem().transition(0.0, np.nan), r"its end must be a finite number \[s\], got nan"),
     ],
 )
 def test_bad_input_says_what_was_expected(build: object, message: str) -> None:

@@ -95,8 +95,8 @@ def test_taylor_coefficients_are_the_derivatives() -> None:
         (lambda: autonomous(0.0, [[1.0, 2.0]], 1.0, start=0.0, end=1.0), r"R \(p, 1\)"),
         (lambda: autonomous(-1.0, 1.0, 1.0, start=1.0, end=1.0), "end must be after start"),
         (lambda: raised_cosine(2.0, period=0.0), "period must be a positive number of seconds, got 0.0"),
-        (lambda: raised_cosine(2.0, cycles=0), "cycles must be a whole number from 1 on"),
-        (lambda: raised_cosine(2.0, cycles=1.5), "cycles must be a whole number from 1 on"),  # type: ignore[arg-type]
+        (lambda: raised_cosine(2.0, cycles=0), "cycles must be a whole number from 1 to"),
+        (lambda: raised_cosine(2.0, cycles=1.5), "cycles must be a whole number from 1 to"),  # type: ignore[arg-type]
     ],
 )
 def test_bad_input_is_refused(build: Callable[[], object], message: str) -> None:

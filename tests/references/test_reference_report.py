@@ -99,8 +99,8 @@ def test_text_names_channels_and_units() -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"highest": 0}, "whole number from 1 on, got 0"),
-        ({"highest": 2.5}, "whole number from 1 on, got 2.5"),
+        ({"highest": 0}, "highest must be a whole number from 1 to 1000, got 0"),
+        ({"highest": 2.5}, "highest must be a whole number from 1 to 1000, got 2.5"),
         ({"channels": ["a", "b"]}, r"the reference has 1 channel\(s\), got names for 2: a, b"),
     ],
 )
