@@ -21,8 +21,8 @@ COUPLING_TOLERANCE = 1e-10
 ERROR_GROWTH = 10.0
 """How much larger than the errors of the model's entries the couplings may be that they cause: each step passes errors on."""
 
-OUTGROWN = 1e100
-"""At a pace at which the paths from inputs to outputs grow larger than this, feedback is next to nothing."""
+LARGEST_EXPONENT = 1000.0
+"""Bound on log2 of a feedback gain, close to what numbers hold."""
 
 SHARED_TOLERANCE = 1e-7
 """An uncontrollable and an unobservable subspace share modes where the cosine between them is above this."""
@@ -68,22 +68,31 @@ def _plant_scale(system: StateSpace) -> Array:
     strongest loop through both is as fast as a pace. Which one is no property of the plant: a hovering vehicle's drag is far slower
     than what its outputs ask of it. Taken is the one in whose units the couplings stand out most clearly.
     """
-    A = np.abs(system.A)
+    A, B, C = np.abs(system.A), np.abs(system.B), np.abs(system.C)
     root = float(np.max(np.abs(np.linalg.eigvals(A))))
-    paces = (root if root > 0 else 1.0) * np.exp2(np.arange(-20.0, 41.0, 2.0))
-    return max((_scale_at(system, float(pace)) for pace in paces), key=lambda scale: _clarity(system, scale))
+    paces = np.log2(root if root > 0 else 1.0) + np.arange(-20.0, 41.0, 2.0)
+    paths = _path_sizes(A, B, C)
+    steps = np.arange(len(paths))[:, None, None]
+    scales = []
+    for pace in paces:
+        strongest = np.max(paths - steps * pace, axis=0)
+        gains = np.exp2(
+            np.clip(pace - strongest, None, LARGEST_EXPONENT), where=np.isfinite(strongest), out=np.zeros_like(strongest)
+        )
+        scales.append(balancing_scale(A + B @ gains.T @ C))
+    return max(scales, key=lambda scale: _clarity(system, scale))
 
 
-def _scale_at(system: StateSpace, pace: float) -> Array:
-    A, way, C = np.abs(system.A), np.abs(system.B), np.abs(system.C)
-    strongest = C @ way  # |C| (|A| / pace)^k |B|, the largest over k
-    for _ in range(system.n_states - 1):
-        way = A @ way / pace
-        if np.max(way, initial=0.0) > OUTGROWN:  # far too slow a pace: the gains are next to nothing already
-            break
-        strongest = np.maximum(strongest, C @ way)
-    gains = np.where(strongest > 0, pace / np.where(strongest > 0, strongest, 1.0), 0.0)
-    return balancing_scale(A + np.abs(system.B) @ gains.T @ C)
+def _path_sizes(A: Array, B: Array, C: Array) -> Array:
+    """log2 of C A^k B for k < n, entry by entry: (n, p, p), A, B, C without negative entries."""
+    exponent, sizes = np.zeros(B.shape[1]), np.full((len(A), len(C), B.shape[1]), -np.inf)
+    for k in range(len(A)):
+        unit = np.exp2(np.ceil(np.log2(np.max(B, axis=0), where=np.any(B, axis=0), out=np.zeros(B.shape[1]))))
+        B, exponent = B / unit, exponent + np.log2(unit)
+        reached = C @ B
+        sizes[k] = np.log2(reached, where=reached > 0, out=sizes[k]) + exponent
+        B = A @ B
+    return sizes
 
 
 def _clarity(system: StateSpace, scale: Array) -> float:
