@@ -32,7 +32,7 @@ def real_numbers(name: str, value: ArrayLike, *, error: Refusal = TrajectoryErro
     try:
         given = np.array(value)
         numbers = given.astype(float, casting="same_kind")
-    except (TypeError, ValueError) as reason:
+    except (TypeError, ValueError, OverflowError) as reason:
         raise error(f"{name} must be real numbers, got {value!r}: {reason}") from reason
     if given.dtype == np.bool_:
         raise error(f"{name} must be real numbers, got {value!r}: no numbers, but true or false")

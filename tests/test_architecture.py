@@ -20,6 +20,7 @@ ROOMS: dict[str, set[str]] = {
     "errors": set(),
     "files": set(),
     "arrays": set(),
+    "arguments": set(),
     "channels": set(),
     "linear": {*THEORY},
     "references": {"linear", *THEORY},
@@ -35,7 +36,7 @@ ROOMS: dict[str, set[str]] = {
     "figures": {"results", "plans", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
     "studies": {"plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
 }
-EVERYWHERE = {"arrays", "channels", "errors", "files", "numpy"}
+EVERYWHERE = {"arguments", "arrays", "channels", "errors", "files", "numpy"}
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}
 
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
