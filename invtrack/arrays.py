@@ -103,21 +103,35 @@ def require_duration(name: str, value: float, *, error: Refusal = TrajectoryErro
 
 
 def require_not_negative(name: str, value: float, *, error: Refusal) -> None:
-    """Raises `error` unless `value` is finite and zero or more."""
-    if not 0 <= value < np.inf:
+    """Raises `error` unless `value` is a number, finite and zero or more."""
+    if not 0 <= real_number(name, value, error=error) < np.inf:
         raise error(f"{name} must be finite and not negative, got {value}")
 
 
 def require_share(name: str, value: float, *, error: Refusal) -> None:
-    """Raises `error` unless `value` lies between 0 and 1, neither of them included."""
-    if not 0 < value < 1:
+    """Raises `error` unless `value` is a number between 0 and 1, neither of them included."""
+    if not 0 < real_number(name, value, error=error) < 1:
         raise error(f"{name} must lie between 0 and 1, got {value}")
 
 
-def stable_poles(name: str, value: Sequence[complex], count: int, *, error: Refusal) -> ComplexArray:
+def complex_numbers(name: str, value: ArrayLike, *, error: Refusal) -> ComplexArray:
+    """A copy as complex numbers of any shape, infinite ones and NaN among them; raises `error` for anything else."""
+    if isinstance(value, np.ma.MaskedArray):
+        raise error(f"{name} must be numbers, got a masked array; fill in or leave out what is masked")
+    try:
+        given = np.array(value)
+        numbers = given.astype(complex, casting="same_kind")
+    except (TypeError, ValueError, OverflowError) as reason:
+        raise error(f"{name} must be numbers, got {value!r}: {reason}") from reason
+    if given.dtype == np.bool_:
+        raise error(f"{name} must be numbers, got {value!r}: no numbers, but true or false")
+    return numbers
+
+
+def stable_poles(name: str, value: ArrayLike, count: int, *, error: Refusal) -> ComplexArray:
     """Poles (count,) [rad/s] left of the imaginary axis; raises `error` for anything else."""
-    poles = np.array(value, dtype=complex)
-    if poles.shape != (count,) or not np.all(poles.real < 0):
+    poles = complex_numbers(name, value, error=error)
+    if poles.shape != (count,) or not np.all(np.isfinite(poles)) or not np.all(poles.real < 0):
         raise error(f"expected {count} {name} left of the imaginary axis, got {poles.tolist()}")
     return poles
 
@@ -133,10 +147,7 @@ def hermitian_weight(name: str, value: ArrayLike, size: int, *, meaning: str = "
         where: at which frequency it holds, for the message: " at w = 3 rad/s".
         error: class of what is raised for a value that is no such weight.
     """
-    try:
-        matrix: ComplexArray = np.asarray(value, dtype=complex)
-    except (TypeError, ValueError) as reason:
-        raise error(f"{name} must be a number or a matrix of numbers{where}: {reason}") from reason
+    matrix = complex_numbers(f"{name}{where}", value, error=error)
     matrix = matrix * np.eye(size) if matrix.ndim == 0 else matrix
     if matrix.shape != (size, size):
         expected = f"a number or a ({size}, {size}) matrix" + (f" for the {meaning}" if meaning else "")

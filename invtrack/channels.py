@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from invtrack.arguments import by_name, shown, texts
 from invtrack.errors import ChannelError
 
 
@@ -25,8 +26,10 @@ class Channels:
         for what, given in (("names", names), ("units", units)):
             if isinstance(given, str):
                 raise ChannelError(f"expected a list of {what} such as [{given!r}], got the text {given!r}")
-        names = tuple(names)
-        units = ("",) * len(names) if units is None else tuple(units)
+        names = texts("names", names, expected="a list of names of channels", error=ChannelError)
+        if units is None:
+            units = ("",) * len(names)
+        units = texts("units", units, expected="a list of units of channels", error=ChannelError)
         if len(set(names)) != len(names):
             raise ChannelError(f"expected distinct names of channels, got {list(names)}")
         if len(units) != len(names):
@@ -63,16 +66,18 @@ class Channels:
 
     def index(self, name: str) -> int:
         """Position of the channel with this name. Raises ChannelError, with the names there are, where there is none."""
-        if name not in self.names:
-            raise ChannelError(f"no channel is named {name!r}; there are: {', '.join(self.names) or 'none'}")
+        if not isinstance(name, str) or name not in self.names:
+            raise ChannelError(f"no channel is named {shown(name)}; there are: {', '.join(self.names) or 'none'}")
         return self.names.index(name)
 
     def subset(self, names: Sequence[str]) -> Channels:
         """The channels of these names, in the order of the names. Raises ChannelError as `index` does."""
-        return Channels(names, [self.units[self.index(name)] for name in names])
+        chosen = texts("names", names, expected="a list of names of channels", error=ChannelError)
+        return Channels(chosen, [self.units[self.index(name)] for name in chosen])
 
     def with_units(self, units: Mapping[str, str]) -> Channels:
         """The same channels with other units for those of them that `units` names; other names in it are left alone."""
+        units = by_name("units", units, expected="units by the names of channels", error=ChannelError)
         return Channels(self.names, [units.get(name, unit) for name, unit in zip(self.names, self.units, strict=True)])
 
     def fits(self, other: Channels) -> bool:

@@ -8,9 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, real_vector, require_not_negative
+from invtrack.arrays import Array, finite_number, real_vector, require_not_negative, whole_number
 from invtrack.control.gains import GainSchedule
-from invtrack.control.observer import ExosystemObserver, Observer, measured, states_within_holds
+from invtrack.control.observer import ExosystemObserver, Observer, measured, require_observer, states_within_holds
 from invtrack.control.output_feedback import OutputFeedbackLaw
 from invtrack.control.protocol import AffineLaw, Instants
 from invtrack.control.tracking_controller import PlanFollower
@@ -68,7 +68,8 @@ class ExosystemController(PlanFollower):
             raise ControlError(f"expected a RegulationMap, such as exosystem_map(...), got {type(regulation).__name__}")
         exosystem, T_i = regulation.exosystem, regulation.manoeuvre[0]
         # At T_i, a breakpoint of the map and so of the run: signals are to have no breakpoints that a run does not know.
-        true = exosystem.states(exosystem_state, T_i if at is None else at, T_i)
+        at = T_i if at is None else finite_number("at", at, unit="s", error=ControlError)
+        true = exosystem.states(exosystem_state, at, T_i)
         self._wanted = exosystem.reference(true, at=T_i)
         super().__init__(regulation.plan(true) if plan is None else plan, gains, period)
         self._regulation, self._true, self._at = regulation, true, T_i
@@ -80,8 +81,8 @@ class ExosystemController(PlanFollower):
         self._observer = None if exosystem_observer is None else ExosystemObserver(exosystem, exosystem_observer)
         given = np.zeros(exosystem.n_states) if initial_estimate is None else initial_estimate
         self._initial = real_vector("initial_estimate", given, exosystem.names, error=ControlError)
-        self._noise, self._seed = reference_noise, seed
-        self._state_observer = state_observer
+        self._noise, self._seed = reference_noise, whole_number("seed", seed, error=ControlError)
+        self._state_observer = None if state_observer is None else require_observer(state_observer)
         if state_observer is not None:
             self.plan.model.map(measured)
         self._require_fit()

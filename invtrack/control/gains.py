@@ -11,6 +11,7 @@ import scipy  # loads scipy.signal, which costs a second, at its first use
 import scipy.linalg
 from numpy.typing import ArrayLike
 
+from invtrack.arguments import items
 from invtrack.arrays import Array, ComplexArray, Indices, increasing_times, real_numbers, real_weight, stable_poles
 from invtrack.errors import ControlError
 from invtrack.linear.state_space import StateSpace
@@ -31,7 +32,8 @@ class GainSchedule:
     switch_times: Array
 
     def __init__(self, gains: Sequence[ArrayLike], switch_times: ArrayLike = ()) -> None:
-        matrices = tuple(real_numbers("a gain", gain, error=ControlError) for gain in gains)
+        given = items("gains", gains, expected="a list of gains K (p, n), one for each interval", error=ControlError)
+        matrices = tuple(real_numbers("a gain", gain, error=ControlError) for gain in given)
         times = increasing_times("switch times of gains", switch_times, error=ControlError)
         if len(matrices) != len(times) + 1 or len({gain.shape for gain in matrices}) != 1:
             raise ControlError(
@@ -45,7 +47,7 @@ class GainSchedule:
 
     def interval(self, t: ArrayLike) -> Indices:
         """Index of the gain in force at each time."""
-        return np.searchsorted(self.switch_times, np.asarray(t, dtype=float), side="right")
+        return np.searchsorted(self.switch_times, real_numbers("times [s]", t, error=ControlError), side="right")
 
 
 def lqr(model: Any, *, Q: ArrayLike, R: ArrayLike) -> GainSchedule:

@@ -4,21 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 import scipy  # loads scipy.signal, which costs a second, at its first use
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, real_numbers, real_vector, stable_poles
+from invtrack.arguments import instance, shown
+from invtrack.arrays import Array, real_numbers, real_vector, require_duration, stable_poles
 from invtrack.channels import Channels
 from invtrack.control.gains import placed_gain
 from invtrack.control.protocol import Instants, Segments, numbered
 from invtrack.errors import ControlError
 from invtrack.linear.hidden_modes import hidden_modes
 from invtrack.linear.propagation import Propagator, held_through, sampled_noise, zero_order_hold
-from invtrack.linear.state_space import Measurement, StateSpace
+from invtrack.linear.state_space import Measurement, StateSpace, as_state_space
 from invtrack.references.exosystem import Exosystem
 
 
@@ -35,12 +36,19 @@ class LuenbergerObserver:
     """Estimation error with the continuous-time poles stated, the same in every interval: exp(s period) once sampled.
 
     poles: n of them left of the imaginary axis, complex ones in conjugate pairs, none more often than there are measurements.
+
+    Raises ControlError for anything else.
     """
 
     poles: Sequence[complex]
 
+    def __post_init__(self) -> None:
+        stable_poles("observer poles", self.poles, np.size(self.poles), error=ControlError)
+
     def gain(self, system: StateSpace, period: float) -> Array:
         """M (n, m) with eig(A_d - M C_m A_d) = exp(poles period). Raises ControlError where the poles cannot be placed."""
+        system = as_state_space(system)
+        require_duration("period", period, error=ControlError)
         wanted = stable_poles("observer poles", self.poles, system.n_states, error=ControlError)
         A_d, _ = zero_order_hold(system.A, np.zeros((system.n_states, 0)), period)
         C_m = measured(system).C
@@ -54,13 +62,22 @@ class KalmanFilter:
 
     input_noise: standard deviation per square root of Hz of white noise that acts like the inputs (p,), or a number for all: the
     disturbance that the filter is to expect. measurement_noise: standard deviation (m,) of one sample of each measurement.
+
+    Raises ControlError for levels that are not positive.
     """
 
     input_noise: ArrayLike
     measurement_noise: ArrayLike
 
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            levels = real_numbers(name, value, error=ControlError)
+            _levels(name, levels, [f"{name} {i}" for i in range(1, max(levels.size, 1) + 1)])
+
     def gain(self, system: StateSpace, period: float) -> Array:
         """M (n, m) from the discrete Riccati equation. Raises ControlError where it has no stabilizing solution."""
+        system = as_state_space(system)
+        require_duration("period", period, error=ControlError)
         C_m = measured(system).C
         intensity = _levels("input_noise", self.input_noise, system.inputs.names)
         deviation = _levels("measurement_noise", self.measurement_noise, system.measurement.channels.names)
@@ -71,6 +88,13 @@ class KalmanFilter:
             raise ControlError(f"no steady Kalman gain: {error}; a mode on or right of the axis is not measured") from error
         innovation = C_m @ P @ C_m.T + np.diag(deviation**2)
         return np.asarray(scipy.linalg.solve(innovation, C_m @ P, assume_a="pos").T)
+
+
+def require_observer(value: object) -> Observer:
+    """The value, if it designs corrections as an observer does; raises ControlError for anything else."""
+    if isinstance(value, type) or not callable(getattr(value, "gain", None)):
+        raise ControlError(f"expected an observer, such as KalmanFilter(0.1, 0.01), got {shown(value)}")
+    return cast(Observer, value)
 
 
 def measured(system: StateSpace) -> Any:
@@ -103,7 +127,9 @@ class ExosystemObserver:
     """
 
     def __init__(self, exosystem: Exosystem, observer: Observer) -> None:
-        self.exosystem, self.observer = exosystem, observer
+        expected = "an Exosystem, such as sinusoidal_exosystem(...)"
+        self.exosystem = instance("exosystem", exosystem, Exosystem, expected=expected, error=ControlError)
+        self.observer = require_observer(observer)
         self._silent = np.array([self._is_silent(k) for k in range(len(exosystem.A))])
 
     def _is_silent(self, k: int) -> bool:

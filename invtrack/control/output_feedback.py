@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array, Indices, require_not_negative
 from invtrack.control.gains import GainSchedule
-from invtrack.control.observer import Observer, measured
+from invtrack.control.observer import Observer, measured, require_observer
 from invtrack.control.protocol import Instants, numbered
 from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import ControlError
@@ -157,7 +157,7 @@ class OutputFeedbackController(PlanFollower):
         super().__init__(plan, gains, period)
         require_not_negative("measurement_delay [s]", measurement_delay, error=ControlError)
         plan.model.map(measured)
-        self._observer, self._delay = observer, measurement_delay
+        self._observer, self._delay = require_observer(observer), measurement_delay
 
     @property
     def measures(self) -> Literal["state", "sensors"]:

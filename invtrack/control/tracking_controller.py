@@ -12,7 +12,7 @@ from invtrack.arrays import Array, require_duration
 from invtrack.control.gains import GainSchedule
 from invtrack.control.protocol import AffineLaw, DifferenceLaw, Instants, Law
 from invtrack.errors import ControlError
-from invtrack.plans.plan import Plan
+from invtrack.plans.plan import Plan, require_plan
 
 
 class PlanFollower(ABC):
@@ -28,6 +28,7 @@ class PlanFollower(ABC):
     """
 
     def __init__(self, plan: Plan, gains: GainSchedule | ArrayLike | None, period: float | None) -> None:
+        require_plan(plan, error=ControlError)
         shape = (plan.model.n_channels, plan.model.n_states)
         if gains is None:
             gains = np.zeros(shape)

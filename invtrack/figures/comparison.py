@@ -8,7 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from invtrack.arguments import by_name
+from invtrack.arrays import finite_number, require_duration
 from invtrack.errors import InvtrackError
+from invtrack.figures.panels import runs_of
 from invtrack.figures.style import (
     FAINT,
     draw_magnitudes,
@@ -36,6 +39,7 @@ def comparison_figure(results: Sequence[RunResult], *, window: tuple[float, floa
 
     Raises InvtrackError where there is no run, or where the runs differ in outputs or inputs.
     """
+    results = runs_of(results)
     first = _same_plant(results)
     window = shown_window(first, window)
     inputs = first.applied
@@ -61,9 +65,14 @@ def around_figure(results: Sequence[RunResult], *, times: Mapping[str, float], b
     Raises InvtrackError where there are no runs or no times, where the runs differ in outputs or inputs, or for a time outside
     the runs.
     """
+    results = runs_of(results)
     first = _same_plant(results)
-    if not times or not (before > 0 and after > 0):
-        raise InvtrackError(f"expected at least one time and a positive span around it, got {dict(times)}, {before} s, {after} s")
+    named = by_name("times", times, expected="times [s] by their names", error=InvtrackError)
+    times = {name: finite_number(f"time {name!r}", time, unit="s", error=InvtrackError) for name, time in named.items()}
+    if not times:
+        raise InvtrackError("expected at least one time to look at, got none")
+    for which, span in (("before", before), ("after", after)):
+        require_duration(which, span, error=InvtrackError)
     windows = {name: shown_window(first, (time - before, time + after)) for name, time in times.items()}
     inputs = first.applied
     with shared_style():
@@ -111,8 +120,6 @@ def _label_rows(column: Sequence[Axes], first: RunResult) -> None:
 
 def _same_plant(results: Sequence[RunResult]) -> RunResult:
     """The first of the runs, once they are known to be comparable."""
-    if not results:
-        raise InvtrackError("expected at least one run to compare, got none")
     first = results[0]
     for other in results[1:]:
         for what in ("output", "applied"):

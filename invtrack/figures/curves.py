@@ -14,10 +14,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 
-from invtrack.arrays import Array, ComplexArray
+from invtrack.arguments import by_name, flag, instance, items, require_text, texts
+from invtrack.arrays import Array, ComplexArray, complex_numbers, finite_number, real_vector
 from invtrack.errors import InvtrackError
+from invtrack.figures.panels import line_of, panels_of, values_of, window_of
 from invtrack.figures.style import FAINT, REFERENCE, draw_line, draw_magnitudes, line_looks, new_figure, shared_style, within
-from invtrack.plans.plan import Plan, Samples
+from invtrack.plans.plan import Plan, Samples, require_plan
 
 Line = tuple[Array, Array]
 """Times (m,) [s] and values (m,)."""
@@ -46,12 +48,20 @@ def overlay_figure(
 
     Raises InvtrackError for a panel without curves, a curve whose times and values differ in number, limits of an unknown panel.
     """
-    limits = limits or {}
-    unknown = set(limits) - {quantity for quantity, _ in panels}
-    if not panels or unknown:
+    panels = [(quantity, _lines(quantity, curves)) for quantity, curves in panels_of(panels)]
+    if not panels:
+        raise InvtrackError("expected at least one panel, got none")
+    bounds = by_name(
+        "limits", {} if limits is None else limits, expected="(lowest, highest) by the labels of panels", error=InvtrackError
+    )
+    unknown = set(bounds) - {quantity for quantity, _ in panels}
+    if unknown:
         raise InvtrackError(f"expected limits of the panels {[quantity for quantity, _ in panels]}, got {sorted(unknown)}")
-    for quantity, curves in panels:
-        _require_curves(quantity, curves)
+    limits = {quantity: _pair(f"limits of {quantity!r}", pair) for quantity, pair in bounds.items()}
+    window = None if window is None else window_of(window)
+    require_text("title", title, error=InvtrackError)
+    if wanted is not None:
+        require_text("wanted", wanted, error=InvtrackError)
     names = list(dict.fromkeys(name for _, curves in panels for name in curves))
     others = [name for name in names if name != wanted]
     looks: dict[str, dict[str, Any]] = {name: {**look} for name, look in zip(others, line_looks(len(others)), strict=True)}
@@ -78,12 +88,15 @@ def overlay_figure(
     return figure
 
 
-def _require_curves(quantity: str, curves: Mapping[str, Line]) -> None:
+def _lines(quantity: str, curves: Mapping[str, Any]) -> dict[str, Line]:
     if not curves:
         raise InvtrackError(f"panel {quantity!r} has no curve; give it at least one, or leave it out")
-    for name, (time, values) in curves.items():
-        if len(time) != len(values):
-            raise InvtrackError(f"curve {name!r} of {quantity} has {len(values)} values at {len(time)} times")
+    return {name: line_of(f"curve {name!r} of {quantity}", line) for name, line in curves.items()}
+
+
+def _pair(name: str, value: object) -> tuple[float, float]:
+    low, high = real_vector(name, value, ["lowest", "highest"], error=InvtrackError)  # type: ignore[arg-type]
+    return float(low), float(high)
 
 
 def plan_figure(
@@ -99,9 +112,14 @@ def plan_figure(
 
     Raises InvtrackError for no plan, plans of different channels, and names of states that do not exist.
     """
-    named = {plans.method: plans} if isinstance(plans, Plan) else dict(plans)
+    expected = "plans by the names that their lines get"
+    named = {plans.method: plans} if isinstance(plans, Plan) else by_name("plans", plans, expected=expected, error=InvtrackError)
     if not named:
         raise InvtrackError("expected at least one plan to draw, got none")
+    for plan in named.values():
+        require_plan(plan, error=InvtrackError)
+    states = texts("states", states, expected="a list of names of states", error=InvtrackError)
+    window = None if window is None else window_of(window)
     model = next(iter(named.values())).model
     for name, plan in named.items():
         if (plan.model.outputs, plan.model.inputs) != (model.outputs, model.inputs):
@@ -150,31 +168,51 @@ def sweep_figure(
 
     Raises InvtrackError where lengths differ.
     """
-    for name, curve in (*predicted.items(), *measured.items()):
-        if len(curve) != len(values):
-            raise InvtrackError(f"curve {name!r} has {len(curve)} points for {len(values)} values of {label}")
+    points = values_of("values", values)
+    lines, dots = _numbers("predicted", predicted), _numbers("measured", measured)
+    for name, words in (("title", title), ("label", label), ("quantity", quantity)):
+        require_text(name, words, error=InvtrackError)
+    for name, curve in (*lines.items(), *dots.items()):
+        if len(curve) != len(points):
+            raise InvtrackError(f"curve {name!r} has {len(curve)} points for {len(points)} values of {label}")
     with shared_style():
         figure = new_figure(title, width=8.0, height=4.0)
         axes = figure.add_subplot()
-        for (name, curve), look in zip(predicted.items(), line_looks(len(predicted)), strict=True):
-            axes.plot(values, curve, label=f"{name}, predicted", color=look["color"], linestyle=look["linestyle"])
-            if name in measured:
+        for (name, curve), look in zip(lines.items(), line_looks(len(lines)), strict=True):
+            axes.plot(points, curve, label=f"{name}, predicted", color=look["color"], linestyle=look["linestyle"])
+            if name in dots:
                 markers = {"linestyle": "none", "marker": "o", "markersize": 4.0}
-                axes.plot(values, measured[name], label=f"{name}, measured", color=look["color"], **markers)  # type: ignore[arg-type]
+                axes.plot(points, dots[name], label=f"{name}, measured", color=look["color"], **markers)  # type: ignore[arg-type]
         axes.set_xlabel(label)
         axes.set_ylabel(quantity)
         axes.legend(loc="best", frameon=True, framealpha=0.75, edgecolor="none")
     return figure
 
 
+def _numbers(name: str, curves: object) -> dict[str, Array]:
+    given = by_name(name, curves, expected="curves by their names", error=InvtrackError)
+    return {key: values_of(f"curve {key!r}", curve) for key, curve in given.items()}
+
+
 @dataclass(frozen=True, eq=False)
 class Decay:
-    """An error over time: values (m,) at times (m,) [s], named with its unit, and the rate [1/s] at which it should fall."""
+    """An error over time: values (m,) at times (m,) [s], named with its unit, and the rate [1/s] at which it should fall.
+
+    Raises InvtrackError for fewer than two samples, or unequal numbers of times and values.
+    """
 
     label: str
     time: Array
     values: Array
     rate: float
+
+    def __post_init__(self) -> None:
+        time, values = line_of(f"error {require_text('label', self.label, error=InvtrackError)!r}", (self.time, self.values))
+        if len(time) < 2:
+            raise InvtrackError(f"error {self.label!r} has {len(time)} times and values, expected two or more")
+        object.__setattr__(self, "time", time)
+        object.__setattr__(self, "values", values)
+        finite_number("rate", self.rate, unit="1/s", error=InvtrackError)
 
     def expected(self) -> Array:
         """The exponential of this rate that touches the error from above in the second half of the time, (m,)."""
@@ -187,15 +225,14 @@ class Decay:
 def decay_figure(title: str, decays: Sequence[Decay]) -> Figure:
     """Magnitudes on logarithmic axes, one panel each, with the exponential of the stated rate dashed.
 
-    Raises InvtrackError for no decays, or for one of fewer than two samples or of unequal numbers of times and values.
+    Raises InvtrackError for no decays.
     """
+    decays = items("decays", decays, expected="a list of Decay", error=InvtrackError)
     if not decays:
         raise InvtrackError("expected at least one error to show, got none")
     for decay in decays:
-        if len(decay.time) < 2 or len(decay.time) != len(decay.values):
-            raise InvtrackError(
-                f"{decay.label!r} has {len(decay.time)} times and {len(decay.values)} values, expected two or more of both"
-            )
+        instance("a decay", decay, Decay, expected="an invtrack.figures.Decay", error=InvtrackError)
+    require_text("title", title, error=InvtrackError)
     with shared_style():
         figure = new_figure(title, width=8.0, height=0.9 + INCHES_PER_PANEL * len(decays))
         panels = figure.subplots(len(decays), 1, squeeze=False)[:, 0]
@@ -229,7 +266,13 @@ def frequency_response_figure(
 
     Raises InvtrackError where frequencies are not positive or not in order, and where lengths differ.
     """
-    if not curves or len(w) < 2 or w[0] <= 0 or np.any(np.diff(w) <= 0):
+    flag("phase", phase, error=InvtrackError)
+    for name, words in (("title", title), ("magnitude", magnitude)):
+        require_text(name, words, error=InvtrackError)
+    w = values_of("frequencies w [rad/s]", w)
+    given = by_name("curves", curves, expected="responses by the names of curves", error=InvtrackError)
+    curves = {name: complex_numbers(f"curve {name!r}", curve, error=InvtrackError) for name, curve in given.items()}
+    if not curves or len(w) < 2 or not w[0] > 0 or not np.all(np.diff(w) > 0) or not np.isfinite(w[-1]):
         raise InvtrackError("expected at least one curve over two or more positive frequencies that increase")
     for name, curve in curves.items():
         if np.shape(curve) != np.shape(w):

@@ -15,8 +15,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
+from invtrack.arguments import file_path, instance
 from invtrack.arrays import Array
 from invtrack.errors import InvtrackError
+from invtrack.figures.panels import window_of
 from invtrack.files import replaced_when_complete
 from invtrack.results.result import RunResult
 
@@ -114,11 +116,13 @@ def join_units(units: Sequence[str]) -> str:
 def save_figure(figure: Figure, path: str | Path) -> Path:
     """Write a figure as PNG in one piece, at 150 dots per inch, and return its path.
 
-    Raises FileError where the file cannot be written.
+    Raises InvtrackError for what is no figure, FileError where the file cannot be written.
     """
-    with shared_style(), replaced_when_complete(path) as draft:
+    instance("figure", figure, Figure, expected="a figure, such as tracking_figure(result)", error=InvtrackError)
+    target = file_path(path)
+    with shared_style(), replaced_when_complete(target) as draft:
         figure.savefig(draft, format="png", dpi=DPI)
-    return Path(path)
+    return target
 
 
 def envelope(time: Array, values: Array, *, bins: int = MAX_BINS) -> tuple[Array, Array]:
@@ -174,7 +178,7 @@ def shown_window(result: RunResult, window: tuple[float, float] | None) -> tuple
     """
     first, last = float(result.time[0]), float(result.time[-1])
     start, end = result.manoeuvre
-    low, high = window if window is not None else (max(first, 2 * start - end), min(last, 2 * end - start))
+    low, high = window_of(window) if window is not None else (max(first, 2 * start - end), min(last, 2 * end - start))
     if not (low < high and low < last and high > first):
         raise InvtrackError(f"cannot show the times from {low} s to {high} s of a run that lasts from {first} s to {last} s")
     return low, high

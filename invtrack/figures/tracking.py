@@ -25,7 +25,7 @@ from invtrack.figures.style import (
     write,
 )
 from invtrack.results.metrics import preactuation_time
-from invtrack.results.result import RunResult, Signal
+from invtrack.results.result import RunResult, Signal, require_run
 
 INCHES_PER_PANEL = 1.7
 LEGEND_COLUMNS, ROW_SHARE = 3, 0.17  # entries in a row of a legend; share of a panel's height that a row takes
@@ -42,6 +42,7 @@ def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = N
     Raises InvtrackError for a window outside the run. Source: Devasia, Paden and Rossi, Exact-output tracking theory for systems
     with parameter jumps (1996), Figure 5.
     """
+    require_run(result)
     window = shown_window(result, window)
     state_units = list(dict.fromkeys(result.state.channels.units))
     with shared_style():
@@ -72,6 +73,7 @@ def preactuation_figure(result: RunResult, *, level: float = 0.01) -> Figure:
 
     Raises InvtrackError unless 0 < level < 1, and for a run without a finite input.
     """
+    require_run(result)
     start, end = result.manoeuvre
     lasting = preactuation_time(result, level=level)
     magnitude = np.hypot.reduce(np.abs(result.applied.values), axis=1)  # no squares: they overflow in a run that diverges

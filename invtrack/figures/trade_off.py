@@ -10,8 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator
 
+from invtrack.arguments import flag, require_text, shown, texts
 from invtrack.arrays import Array
 from invtrack.errors import InvtrackError
+from invtrack.figures.panels import panels_of, values_of
 from invtrack.figures.style import INK, line_looks, new_figure, shared_style
 
 Curves = Mapping[str, Sequence[float]]
@@ -46,7 +48,20 @@ def trade_off_figure(
 
     Raises InvtrackError where lengths differ, or where there is nothing to draw.
     """
-    label, values = horizontal[0], np.asarray(horizontal[1], dtype=float)
+    if not isinstance(horizontal, (tuple, list)) or len(horizontal) != 2:
+        raise InvtrackError(f"horizontal must be (label, value of each point), got {shown(horizontal)}")
+    label, values = (
+        require_text("the horizontal label", horizontal[0], error=InvtrackError),
+        values_of("horizontal values", horizontal[1]),
+    )
+    panels = [
+        (quantity, {name: values_of(f"curve {name!r}", curve).tolist() for name, curve in curves.items()})
+        for quantity, curves in panels_of(panels)
+    ]
+    notes = texts("notes", notes, expected="a list of texts, one for each point", error=InvtrackError)
+    for which, value in (("horizontal_log", horizontal_log), ("vertical_log", vertical_log)):
+        flag(which, value, error=InvtrackError)
+    require_text("title", title, error=InvtrackError)
     _require_fit(label, len(values), panels, notes)
     names = list(dict.fromkeys(name for _, curves in panels for name in curves))
     looks = {

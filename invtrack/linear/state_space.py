@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, real_numbers
+from invtrack.arguments import by_name, instance, texts
+from invtrack.arrays import Array, finite_number, real_numbers
 from invtrack.channels import Channels
 from invtrack.errors import ModelError
 
@@ -20,11 +21,17 @@ class OperatingPoint:
 
     x0 is the state from which deviations are measured (for a mechanism: qpos, qvel and activations, so it may be longer than the
     model's state), u0 (p,) the input and y0 (p,) the output there, in the units of actuators and sensors.
+
+    Raises ModelError for what is no vector of finite numbers.
     """
 
     x0: Array
     u0: Array
     y0: Array
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            object.__setattr__(self, name, _finite_vector(f"an operating point's {name}", value))
 
     def agrees_with(self, other: OperatingPoint, tolerance: float = 1e-9) -> bool:
         """Whether both points are the same to within `tolerance`, relative to the size of each entry (at least 1)."""
@@ -38,6 +45,8 @@ class Measurement:
 
     C (m, n), D (m, p), m channels (names alone will do), and the values y0 (m,) at the operating point. Any number of signals m;
     they need not be the outputs that follow a trajectory.
+
+    Raises ModelError for what is no matrix or vector of finite numbers.
     """
 
     C: Array
@@ -45,8 +54,10 @@ class Measurement:
     channels: Channels
     y0: Array
 
-    def __init__(self, C: Array, D: Array, channels: Channels | Sequence[str], y0: Array) -> None:
-        for name, value in (("C", C), ("D", D), ("channels", Channels.of(channels)), ("y0", y0)):
+    def __init__(self, C: ArrayLike, D: ArrayLike, channels: Channels | Sequence[str], y0: ArrayLike) -> None:
+        rest = _finite_vector("a measurement's y0", y0)
+        matrices = {"C": _matrix("a measurement's C", C), "D": _matrix("a measurement's D", D)}
+        for name, value in {**matrices, "channels": Channels.of(channels), "y0": rest}.items():
             object.__setattr__(self, name, value)
 
 
@@ -109,16 +120,17 @@ class StateSpace:
                 )
         if operating_point is None:
             operating_point = OperatingPoint(x0=np.zeros(n), u0=np.zeros(p), y0=np.zeros(p))
+        expecting = "an OperatingPoint, such as linearize(plant).operating_point"
+        instance("operating_point", operating_point, OperatingPoint, expected=expecting, error=ModelError)
         if operating_point.u0.shape != (p,) or operating_point.y0.shape != (p,):
             raise ModelError(
                 f"operating point has u0 of shape {operating_point.u0.shape} and y0 of shape {operating_point.y0.shape}, "
                 f"expected ({p},) for both"
             )
-        if not (np.all(np.isfinite(operating_point.u0)) and np.all(np.isfinite(operating_point.y0))):
-            raise ModelError("operating point has entries in u0 or y0 that are not finite")
         outputs = _channels("output", "y", outputs, p)
         if measurement is None:
             measurement = Measurement(C, D, outputs, operating_point.y0)
+        instance("measurement", measurement, Measurement, expected="an invtrack.linear.Measurement", error=ModelError)
         m = len(measurement.channels)
         if measurement.C.shape != (m, n) or measurement.D.shape != (m, p) or measurement.y0.shape != (m,):
             raise ModelError(
@@ -135,8 +147,8 @@ class StateSpace:
             "outputs": outputs,
             "operating_point": operating_point,
             "measurement": measurement,
-            "parameters": {name: float(value) for name, value in (parameters or {}).items()},
-            "error_estimates": {name: _error(name, value, expected) for name, value in (error_estimates or {}).items()},
+            "parameters": _numbers("parameters", parameters, "values by the names of physical parameters"),
+            "error_estimates": _errors(error_estimates, expected),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -215,10 +227,7 @@ def as_state_space(system: Any) -> StateSpace:
 
 
 def _matrix(name: str, value: ArrayLike) -> Array:
-    try:
-        matrix = np.array(value).astype(float, casting="same_kind")
-    except (TypeError, ValueError) as error:
-        raise ModelError(f"{name} must be a matrix of real numbers: {error}") from error
+    matrix = real_numbers(name, value, error=ModelError)
     if matrix.ndim != 2:
         raise ModelError(f"{name} must be a matrix, got an array with {matrix.ndim} dimension(s)")
     if not np.all(np.isfinite(matrix)):
@@ -227,22 +236,42 @@ def _matrix(name: str, value: ArrayLike) -> Array:
     return matrix
 
 
-def _error(name: str, value: ArrayLike, shapes: Mapping[str, tuple[int, int]]) -> Array:
-    if name not in shapes:
-        raise ModelError(f"error estimates are given for A, B, C and D, got one for {name!r}")
-    errors = real_numbers(f"the error estimate of {name}", value, error=ModelError)
-    if errors.shape not in ((), shapes[name]) or not np.all(np.isfinite(errors) & (errors >= 0)):
-        raise ModelError(
-            f"the error estimate of {name} must be a number or an array of its shape {shapes[name]}, finite and not negative, got "
-            f"{value!r}"
-        )
-    return np.array(np.broadcast_to(errors, shapes[name]))
+def _errors(value: Mapping[str, ArrayLike] | None, shapes: Mapping[str, tuple[int, int]]) -> dict[str, Array]:
+    given = {} if value is None else by_name("error_estimates", value, expected="errors by the names of matrices", error=ModelError)
+    result = {}
+    for name, entry in given.items():
+        if name not in shapes:
+            raise ModelError(f"error estimates are given for A, B, C and D, got one for {name!r}")
+        errors = real_numbers(f"the error estimate of {name}", entry, error=ModelError)
+        if errors.shape not in ((), shapes[name]) or not np.all(np.isfinite(errors) & (errors >= 0)):
+            raise ModelError(
+                f"the error estimate of {name} must be a number or an array of its shape {shapes[name]}, finite and not negative, "
+                f"got {entry!r}"
+            )
+        result[name] = np.array(np.broadcast_to(errors, shapes[name]))
+    return result
+
+
+def _finite_vector(name: str, value: ArrayLike) -> Array:
+    vector = real_numbers(name, value, error=ModelError)
+    if vector.ndim != 1:
+        raise ModelError(f"{name} must be a vector, got an array with {vector.ndim} dimension(s)")
+    if not np.all(np.isfinite(vector)):
+        raise ModelError(f"{name} has entries that are not finite")
+    return vector
+
+
+def _numbers(name: str, value: Mapping[str, float] | None, expected: str) -> dict[str, float]:
+    given = {} if value is None else by_name(name, value, expected=expected, error=ModelError)
+    return {key: finite_number(f"{name}[{key!r}]", entry, error=ModelError) for key, entry in given.items()}
 
 
 def _channels(kind: str, letter: str, given: Channels | Sequence[str] | None, count: int) -> Channels:
     if given is None:
         return Channels.numbered(letter, count)
-    if len(given) != count or (not isinstance(given, Channels) and len(set(given)) != count):
-        names = given.names if isinstance(given, Channels) else given
+    names = given.names if isinstance(given, Channels) else None
+    if names is None:
+        names = texts(f"{kind} names", given, expected=f"a list of {count} names, or Channels", error=ModelError)
+    if len(names) != count or len(set(names)) != count:
         raise ModelError(f"expected {count} distinct {kind} names, got {list(names)}")
-    return Channels.of(given)
+    return given if isinstance(given, Channels) else Channels(names)

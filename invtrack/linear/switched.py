@@ -10,7 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, Indices, increasing_times
+from invtrack.arguments import items
+from invtrack.arrays import Array, Indices, increasing_times, real_matrix, real_numbers
 from invtrack.channels import Channels
 from invtrack.errors import ModelError
 from invtrack.linear.state_space import OperatingPoint, StateSpace, as_state_space
@@ -41,7 +42,8 @@ class SwitchedSystem:
     numbers: Indices = field(init=False)
 
     def __init__(self, systems: Sequence[Any], switch_times: ArrayLike = ()) -> None:
-        models = tuple(as_state_space(system) for system in systems)
+        given = items("systems", systems, expected="a list of models, one for each interval", error=ModelError)
+        models = tuple(as_state_space(system) for system in given)
         times = increasing_times("switch times", switch_times, error=ModelError)
         if len(models) != len(times) + 1:
             raise ModelError(f"expected one more system than switch times, got {len(models)} systems and {len(times)} switch times")
@@ -117,7 +119,7 @@ class SwitchedSystem:
 
     def interval(self, t: ArrayLike) -> Indices:
         """Index of the interval that holds each time; a switch time itself belongs to the interval that it starts."""
-        return np.searchsorted(self.switch_times, np.asarray(t, dtype=float), side="right")
+        return np.searchsorted(self.switch_times, real_numbers("times [s]", t), side="right")
 
 
 def as_switched(model: Any) -> SwitchedSystem:
@@ -145,9 +147,15 @@ def _require_same_frame(first: StateSpace, model: StateSpace, k: int) -> None:
         )
 
 
-def slowest_flexible_period(A: Array) -> float:
-    """Period 2 pi / |Im s| [s] of the slowest oscillatory eigenvalue s of A (n, n); NaN where nothing oscillates."""
-    eigenvalues = np.linalg.eigvals(A)
+def slowest_flexible_period(A: ArrayLike) -> float:
+    """Period 2 pi / |Im s| [s] of the slowest oscillatory eigenvalue s of A (n, n); NaN where nothing oscillates.
+
+    Raises ModelError for what is no square matrix of finite numbers.
+    """
+    matrix = real_matrix("A", A, error=ModelError)
+    if matrix.shape[0] != matrix.shape[1]:
+        raise ModelError(f"A must be square, got shape {matrix.shape}")
+    eigenvalues = np.linalg.eigvals(matrix)
     frequencies = np.abs(eigenvalues.imag)
     flexible = frequencies[frequencies > OSCILLATION_TOLERANCE * np.max(np.abs(eigenvalues), initial=0.0)]
     return float(2 * np.pi / flexible.min()) if flexible.size else float("nan")

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from invtrack.arrays import Array, Indices
+from invtrack.arguments import instance
+from invtrack.arrays import Array, Indices, real_vector
 from invtrack.errors import PlanError
 from invtrack.linear.scaling import comparable_size, unit_ratios, with_idle_sizes
 from invtrack.linear.switched import SwitchedSystem
@@ -65,7 +66,18 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     """Residuals of `trajectory` over `span` [s], from its values at off-grid points, one piece at a time.
 
     `reference` holds the wanted output as deviation from the operating point.
+
+    Raises PlanError for what is no such model, trajectory, reference or span.
     """
+    for name, value, kind in (("model", model, SwitchedSystem), ("trajectory", trajectory, Trajectory)):
+        instance(name, value, kind, expected=f"a {kind.__name__}, as a plan holds it", error=PlanError)
+    instance("reference", reference, PiecewiseSignal, expected="a signal", error=PlanError)
+    if (trajectory.rows, reference.n_channels) != (model.n_states + 2 * model.n_channels, model.n_channels):
+        raise PlanError(
+            f"expected a trajectory of [x; u; y] and a reference for {model.n_states} states and {model.n_channels} channels, got "
+            f"{trajectory.rows} rows and {reference.n_channels} channels"
+        )
+    span = tuple(real_vector("span [s]", span, ["start", "end"], error=PlanError).tolist())
     if span[1] <= span[0]:  # at rest throughout: nothing happens in no time, so look on both sides of it
         span = (span[0] - 1.0, span[1] + 1.0)
     starts, ends, piece = _panels(trajectory, model.switch_times, span)

@@ -7,9 +7,10 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from invtrack.arrays import Array
+from invtrack.arguments import file_path, one_of
+from invtrack.arrays import Array, real_number
 from invtrack.errors import FileError, TrajectoryError
-from invtrack.plans.plan import Plan
+from invtrack.plans.plan import Plan, require_plan
 from invtrack.plans.sampled import SampledPlan, origin_of, plan_from, read_samples, write_samples
 
 Inputs = Literal["midpoint", "average", "sample"]
@@ -40,7 +41,7 @@ def export_plan(
 
     Raises TrajectoryError as `sampled_plan` does; FileError for another suffix than .csv, and where the file cannot be written.
     """
-    return write_samples(sampled_plan(plan, rate=rate, inputs=inputs, start=start, end=end), path)
+    return write_samples(sampled_plan(plan, rate=rate, inputs=inputs, start=start, end=end), file_path(path))
 
 
 def read_plan(path: str | Path) -> Plan:
@@ -52,7 +53,7 @@ def read_plan(path: str | Path) -> Plan:
 
     Raises FileError where the file cannot be read or holds no plan.
     """
-    samples = read_samples(path)
+    samples = read_samples(file_path(path))
     try:
         return plan_from(samples)
     except (KeyError, TypeError, ValueError) as error:
@@ -84,9 +85,11 @@ def sampled_plan(
 
     Raises TrajectoryError for a rate that is not positive, end before start, an unknown kind of inputs, or too many rows.
     """
-    if inputs not in get_args(Inputs):
-        raise TrajectoryError(f"inputs must be one of {list(get_args(Inputs))}, got {inputs!r}")
-    start, end = plan.start if start is None else start, plan.end if end is None else end
+    require_plan(plan)
+    one_of("inputs", inputs, get_args(Inputs), error=TrajectoryError)
+    start = plan.start if start is None else real_number("start", start, unit="s")
+    end = plan.end if end is None else real_number("end", end, unit="s")
+    rate = real_number("rate", rate, unit="Hz")
     t = _instants(rate, start, end)
     values = plan(t[:-1], inside=t[:-1] + SIDE / rate)
     return SampledPlan(

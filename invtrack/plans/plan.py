@@ -9,7 +9,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array
+from invtrack.arguments import instance
+from invtrack.arrays import Array, Refusal
+from invtrack.errors import PlanError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
 from invtrack.plans.trajectory import Trajectory
@@ -133,3 +135,8 @@ class Plan:
             y=values[:, n + p :] + point.y0,
             y_d=self.reference(times, inside=times if inside is None else np.broadcast_to(inside, times.shape)),
         )
+
+
+def require_plan(value: object, *, error: Refusal = PlanError) -> None:
+    """Raises `error` for what is no plan."""
+    instance("plan", value, Plan, expected="a Plan, such as invtrack.invert(model, reference)", error=error)

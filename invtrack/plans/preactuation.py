@@ -9,10 +9,10 @@ import numpy as np
 import scipy  # loads scipy.optimize at its first use
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, ComplexArray
+from invtrack.arrays import Array, ComplexArray, real_numbers, require_share
 from invtrack.errors import TrajectoryError
 from invtrack.linear.propagation import flow
-from invtrack.plans.plan import Plan
+from invtrack.plans.plan import Plan, require_plan
 
 UNEXCITED = 1e-12
 """A mode with less than this share of the input before the manoeuvre is rounding."""
@@ -58,6 +58,7 @@ class InputGrowth:
 
 def input_growth(plan: Plan) -> InputGrowth:
     """The modes of the plan's tail before the manoeuvre. Raises TrajectoryError for one in which the reference goes on moving."""
+    require_plan(plan)
     tail, u_0 = plan.trajectory.before, plan.model.operating_point.u0
     n, p = plan.model.n_states, plan.model.n_channels
     rows = slice(n, n + p)
@@ -99,7 +100,7 @@ class PreactuationBound:
 
     def __call__(self, t: ArrayLike) -> Array:
         """M exp(alpha (t - t_0)) at times t (m,) [s], all of them at most t_0."""
-        times = np.atleast_1d(np.asarray(t, dtype=float))
+        times = np.atleast_1d(real_numbers("times [s]", t))
         if np.any(times > self.t_0):
             raise TrajectoryError(f"the bound holds before the manoeuvre's start t_0 = {self.t_0:.6g} s, got {times.max():.6g} s")
         return np.zeros(len(times)) if self.M == 0 else self.M * np.exp(self.alpha * (times - self.t_0))
@@ -113,8 +114,7 @@ def plan_preactuation_time(plan: Plan, level: float = 0.01) -> float:
 
     Raises TrajectoryError for a level outside 0 ... 1, or a plan that is not at rest before its manoeuvre.
     """
-    if not 0 < level < 1:
-        raise TrajectoryError(f"level is {level}, expected a share of the peak input between 0 and 1, such as 0.01")
+    require_share("level, a share of the peak input such as 0.01,", level, error=TrajectoryError)
     growth = input_growth(plan)
     if not len(growth.z):
         return 0.0

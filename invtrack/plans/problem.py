@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from invtrack.arrays import Array, Indices
+from invtrack.arrays import Array, Indices, real_number, require_share
 from invtrack.errors import PlanError, TrajectoryError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
@@ -60,11 +60,9 @@ class PlanningProblem:
 
         Raises PlanError for options out of range, TrajectoryError for a reference that is none or has another number of channels.
         """
-        if not 0 < tolerance < 1 or (max_preactuation is not None and not max_preactuation >= 0):
-            raise PlanError(
-                "tolerance must lie between 0 and 1 and max_preactuation must not be negative, got "
-                f"{tolerance} and {max_preactuation}"
-            )
+        require_share("tolerance", tolerance, error=PlanError)
+        if max_preactuation is not None and not real_number("max_preactuation", max_preactuation, unit="s", error=PlanError) >= 0:
+            raise PlanError(f"max_preactuation must not be negative, got {max_preactuation}")
         plant = as_switched(model)
         require_reference(plant, reference)
         deviation = deviation_reference(plant, reference)

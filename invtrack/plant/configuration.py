@@ -16,7 +16,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array
+from invtrack.arguments import require_text
+from invtrack.arrays import Array, real_numbers
 from invtrack.errors import PlantError
 from invtrack.plant.elements import element_id
 
@@ -62,7 +63,7 @@ def split(model: mujoco.MjModel, x0: ArrayLike) -> tuple[Array, Array, Array]:
 
 
 def _vector(name: str, value: ArrayLike, size: int) -> Array:
-    vector = np.array(value, dtype=float)
+    vector = real_numbers(name, value, error=PlantError)
     if vector.shape != (size,):
         raise PlantError(f"{name} has shape {vector.shape}, expected ({size},)")
     return vector
@@ -93,6 +94,7 @@ class Configuration:
         """The configuration of a named keyframe, or without one the file's: qpos0, at rest, all controls 0."""
         data = mujoco.MjData(model)
         if keyframe is not None:
+            require_text("keyframe", keyframe, error=PlantError)
             mujoco.mj_resetDataKeyframe(model, data, element_id(model, "keyframe", keyframe))
         return cls(**{field.name: np.array(getattr(data, field.name)) for field in fields(cls)}).normalized(model)
 
@@ -102,7 +104,7 @@ class Configuration:
         for name, value in arrays.items():
             if value is None:
                 continue
-            array = np.array(value, dtype=float)
+            array = real_numbers(name, value, error=PlantError)
             if array.shape != values[name].shape or not np.all(np.isfinite(array)):
                 raise PlantError(f"{name} must hold {values[name].size} finite numbers, got {value!r}")
             values[name] = array

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from invtrack.arrays import Array
+from invtrack.arguments import flag, instance
+from invtrack.arrays import Array, real_number, require_not_negative
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
 from invtrack.plant.configuration import configuration_of
@@ -21,7 +22,7 @@ from invtrack.plant.linearizable import (
     refuse_saturation,
     refuse_step_maps,
 )
-from invtrack.plant.plant import Plant
+from invtrack.plant.plant import A_PLANT, Plant
 
 _OPTIONS = {"plant", "step", "equilibrium_tolerance", "allow_nonequilibrium"}
 
@@ -94,6 +95,9 @@ def linearize(
     allow_nonequilibrium), active constraints, saturated controls, spinning ball or free joints, kinks, dropped states that act on
     what is kept, and models in which qacc depends on the time step (integrator="discrete").
     """
+    instance("plant", plant, Plant, expected=A_PLANT, error=PlantError)
+    flag("allow_nonequilibrium", allow_nonequilibrium, error=PlantError)
+    require_not_negative("equilibrium_tolerance", equilibrium_tolerance, error=PlantError)
     if len(plant.inputs) != len(plant.outputs):
         raise PlantError(
             f"inversion needs as many outputs as inputs, got {len(plant.outputs)} ({', '.join(plant.outputs.names)}) for"
@@ -102,7 +106,7 @@ def linearize(
     reserved = sorted(_OPTIONS & set(plant.parameters))
     if reserved:
         raise PlantError(f"parameters cannot be called {', '.join(reserved)}, which are options of linearize; rename them")
-    if not 0 < step < 1:
+    if not 0 < real_number("step", step, error=PlantError) < 1:
         raise PlantError(f"step must lie between 0 and 1 (1e-4 suits most mechanisms), got {step}")
     model = plant.model_with(parameter_values)
     refuse_step_maps(model)

@@ -22,7 +22,7 @@ def model_path(name: str) -> Path:
     package = Path(__file__).resolve().parents[1]
     folders = [folder for folder in (package / "models", package.parent / "models") if folder.is_dir()]
     available = {path.stem: path for folder in reversed(folders) for path in folder.glob("*.xml")}
-    if name not in available:
+    if not isinstance(name, str) or name not in available:
         raise PlantError(
             f"no shipped model is named {name!r}; there are: {', '.join(sorted(available)) or 'none'}."
             " Give Plant.from_xml the path of your own MJCF file instead"

@@ -10,6 +10,8 @@ from typing import Literal, Protocol
 import mujoco
 import numpy as np
 
+from invtrack.arguments import items, one_of, require_text
+from invtrack.arrays import finite_number
 from invtrack.errors import PlantError, SimulationError
 from invtrack.plant.elements import element_id
 
@@ -46,8 +48,8 @@ class BodyMass:
     inertia: Literal["fixed", "scaled"] = "fixed"
 
     def __post_init__(self) -> None:
-        if self.inertia not in ("fixed", "scaled"):
-            raise PlantError(f'inertia of BodyMass must be "fixed" or "scaled", got {self.inertia!r}')
+        require_text("the body of BodyMass", self.body, error=PlantError)
+        one_of("inertia of BodyMass", self.inertia, ("fixed", "scaled"), error=PlantError)
 
     def unit(self, model: mujoco.MjModel) -> str:
         return "kg"
@@ -101,6 +103,9 @@ class JointStiffness:
     joint: str
     body = None
 
+    def __post_init__(self) -> None:
+        require_text("the joint of JointStiffness", self.joint, error=PlantError)
+
     def unit(self, model: mujoco.MjModel) -> str:
         return "N/m" if _slides(model, self.joint) else "N m/rad"
 
@@ -121,6 +126,9 @@ class JointDamping:
 
     joint: str
     body = None
+
+    def __post_init__(self) -> None:
+        require_text("the joint of JointDamping", self.joint, error=PlantError)
 
     def unit(self, model: mujoco.MjModel) -> str:
         return "N s/m" if _slides(model, self.joint) else "N m s/rad"
@@ -146,6 +154,9 @@ class TendonStiffness:
     tendon: str
     body = None
 
+    def __post_init__(self) -> None:
+        require_text("the tendon of TendonStiffness", self.tendon, error=PlantError)
+
     def unit(self, model: mujoco.MjModel) -> str:
         return "N/m"
 
@@ -165,6 +176,9 @@ class TendonDamping:
 
     tendon: str
     body = None
+
+    def __post_init__(self) -> None:
+        require_text("the tendon of TendonDamping", self.tendon, error=PlantError)
 
     def unit(self, model: mujoco.MjModel) -> str:
         return "N s/m"
@@ -192,14 +206,12 @@ class Change:
     """At `time` [s] the named parameters take new values, as in Change(3.0, tip_mass=100.0); the state is continuous."""
 
     def __init__(self, time: float, **parameters: float) -> None:
-        if not np.isfinite(time):
-            raise SimulationError(f"a change needs a finite time, got {time}")
+        self.time = finite_number("the time of a change", time, unit="s", error=SimulationError)
         if not parameters:
             raise SimulationError(
                 f"the change at t = {time} s names no parameter; write for instance Change({time}, tip_mass=100.0)"
             )
-        self.time = float(time)
-        self.parameters = {name: float(value) for name, value in parameters.items()}
+        self.parameters = {name: finite_number(name, value, error=SimulationError) for name, value in parameters.items()}
 
     def __repr__(self) -> str:
         return f"Change({self.time}, {', '.join(f'{k}={v}' for k, v in self.parameters.items())})"
@@ -207,6 +219,7 @@ class Change:
 
 def ordered(schedule: Sequence[Change]) -> list[Change]:
     """The changes in the order of their times. Raises SimulationError where two happen at once."""
+    schedule = items("schedule", schedule, expected="a list of changes", error=SimulationError)
     strange = [change for change in schedule if not isinstance(change, Change)]
     if strange:
         raise SimulationError(f"the schedule holds {strange[0]!r}; expected changes such as invtrack.Change(3.0, tip_mass=100.0)")

@@ -15,7 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array
+from invtrack.arguments import by_name, file_path, shown, texts
+from invtrack.arrays import Array, real_numbers
 from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import OperatingPoint
@@ -32,6 +33,9 @@ from invtrack.plant.elements import (
 )
 from invtrack.plant.loading import compile_spec, load_model
 from invtrack.plant.parameters import Parameter
+
+A_PLANT = "an invtrack.Plant, such as Plant.from_xml(path, inputs=[...], outputs=[...])"
+"""What messages say is expected where something else is given for a plant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +107,18 @@ class Plant:
         Raises PlantError for a file that does not compile, unknown names (with those there are), velocity couplings that do not
         fit the model, and models whose state is more than (qpos, qvel, act): history buffers, plugins with state, plasticity.
         """
-        path, units = Path(path), dict(units or {})
-        measurements = outputs if measurements is None else measurements
+        path = file_path(path)
+        units = dict(by_name("units", {} if units is None else units, expected="units by the names of channels", error=PlantError))
+        inputs, outputs, drop_states = _names("inputs", inputs), _names("outputs", outputs), _names("drop_states", drop_states)
+        measurements = outputs if measurements is None else _names("measurements", measurements)
         spec, model = load_model(path, sensors=(outputs, measurements))
-        parameters = dict(parameters or {})
+        expected = "parameters such as BodyMass(...) by their names"
+        parameters = dict(by_name("parameters", {} if parameters is None else parameters, expected=expected, error=PlantError))
         for name, parameter in parameters.items():
             if not name.isidentifier():
                 raise PlantError(f"parameter {name!r} cannot be written as a keyword; use letters, digits and underscores")
+            if isinstance(parameter, type) or not callable(getattr(parameter, "read", None)):
+                raise PlantError(f"parameter {name!r} must be a named quantity such as BodyMass('tip'), got {shown(parameter)}")
             parameter.read(model)  # raises where it names nothing in this model
         (u, input_addresses), (y, output_addresses) = input_channels(model, inputs), output_channels(model, outputs)
         y_m, measurement_addresses = output_channels(model, measurements)
@@ -245,7 +254,7 @@ class Plant:
 
     def coordinates_of(self, x: ArrayLike) -> Array:
         """All coordinates (2 nv + na,) of the state x (n,); what is dropped is at the operating point. Raises PlantError."""
-        x = np.array(x, dtype=float)
+        x = real_numbers("x", x, error=PlantError)
         if x.shape != (self.n_states,):
             raise PlantError(f"x has shape {x.shape}, expected ({self.n_states},): {listed(self.states.names)}")
         coordinates = np.zeros(len(self.coordinates))
@@ -303,3 +312,8 @@ def _require_known(units: Iterable[str], groups: Iterable[Channels]) -> None:
     unknown = sorted(set(units) - known)
     if unknown:
         raise PlantError(f"units are given for {listed(unknown)}; the channels and parameters are: {listed(sorted(known))}")
+
+
+def _names(what: str, given: Sequence[str]) -> Sequence[str]:
+    """The names in a list; a single text is left to where names are looked up, which knows what to suggest."""
+    return given if isinstance(given, str) else texts(what, given, expected="a list of names", error=PlantError)

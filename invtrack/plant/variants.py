@@ -8,13 +8,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import mujoco
-import numpy as np
 from numpy.typing import ArrayLike
 
+from invtrack.arguments import by_name, instance, require_text
+from invtrack.arrays import finite_number, real_numbers
 from invtrack.errors import PlantError
 from invtrack.plant.couplings import velocity_couplings
 from invtrack.plant.elements import listed
-from invtrack.plant.plant import Plant
+from invtrack.plant.plant import A_PLANT, Plant
 
 
 def with_input_limits(plant: Plant, limits: Mapping[str, ArrayLike]) -> Plant:
@@ -25,6 +26,8 @@ def with_input_limits(plant: Plant, limits: Mapping[str, ArrayLike]) -> Plant:
 
     Raises PlantError for inputs that do not exist, limits that are not finite or not in order, and a model that disables clamping.
     """
+    instance("plant", plant, Plant, expected=A_PLANT, error=PlantError)
+    limits = by_name("limits", limits, expected="limits by the names of inputs", error=PlantError)
     unknown = [name for name in limits if name not in plant.inputs]
     if unknown:
         raise PlantError(f"limits are given for {listed(unknown)}; the plant's inputs are: {listed(plant.inputs.names)}")
@@ -35,7 +38,7 @@ def with_input_limits(plant: Plant, limits: Mapping[str, ArrayLike]) -> Plant:
         actuator = spec.actuator(name)
         if actuator is None:
             raise PlantError(f"input {name!r} is one of several controls of its actuator; state its ctrlrange in the file")
-        bounds = np.asarray(given, dtype=float)
+        bounds = real_numbers(f"limits of input {name!r}", given, error=PlantError)
         if bounds.shape not in ((), (2,)):
             raise PlantError(f"limits of input {name!r} must be a number or two (lowest, highest), got shape {bounds.shape}")
         low, high = (-bounds, bounds) if bounds.ndim == 0 else bounds
@@ -53,11 +56,12 @@ def with_coupling_scaled(plant: Plant, name: str, scale: float) -> Plant:
 
     Raises PlantError for a coupling that does not exist and a scale that is not finite.
     """
+    instance("plant", plant, Plant, expected=A_PLANT, error=PlantError)
+    require_text("name", name, error=PlantError)
+    scale = finite_number("scale", scale, error=PlantError)
     known = {coupling.name: coupling for coupling in plant.couplings}
     if name not in known:
         raise PlantError(f"plant {plant.name!r} has no velocity coupling {name!r}; there are: {listed(known)}")
-    if not math.isfinite(scale):
-        raise PlantError(f"the scale of coupling {name!r} must be finite, got {scale}")
     model, spec = copy.copy(plant.model), plant.spec.copy()
     entries = (scale * known[name].K).ravel()
     start = model.numeric_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name)]

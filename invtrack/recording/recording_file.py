@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rerun.chunk import Chunk, RrdReader
 from rerun.error_utils import RerunWarning
 
+from invtrack.arguments import file_path, require_text
 from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.errors import RecordingError
@@ -60,8 +61,9 @@ def save_recording(results: RunResult | Sequence[RunResult], path: str | Path, *
     strange = [type(run).__name__ for run in runs if not isinstance(run, RunResult)]
     if strange:
         raise RecordingError(f"expected results of runs, as invtrack.simulate returns them, got {', '.join(strange)}")
+    require_text("application", application, error=RecordingError)
     _check(runs, application)
-    target = Path(path)
+    target = file_path(path)
     if target.suffix != ".rrd":
         raise RecordingError(f"expected a path that ends in .rrd, by which the Rerun viewer knows recordings; got {target}")
     scenes = [make_scene(run) for run in runs]
@@ -175,7 +177,7 @@ def load_recording(path: str | Path) -> dict[str, RunResult]:
 
     Raises RecordingError where the file cannot be read, is no Rerun recording, was not written by invtrack, or lacks data.
     """
-    chunks = _chunks(Path(path))
+    chunks = _chunks(file_path(path))
     headers = [json.loads(_cell(chunk, METADATA)[0]) for group in chunks.values() for chunk in group if METADATA in _fields(chunk)]
     if not headers:
         raise RecordingError(f"{path} is a Rerun recording, but not one that invtrack wrote: no entity has {METADATA}")

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from invtrack.arrays import SEMIDEFINITE_TOLERANCE, Array, ComplexArray, real_weight, smallest_eigenvalue
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.plan import Plan
+from invtrack.plans.plan import Plan, require_plan
 from invtrack.references.signal import PiecewiseSignal
 
 Matrices = TypeVar("Matrices", Array, ComplexArray)
@@ -116,6 +116,7 @@ def cost(plan: Plan, *, R: ArrayLike, Q_x: ArrayLike = 0.0, Q_y: ArrayLike) -> f
 
     Raises RedesignError for weights that do not fit the plan's model.
     """
+    require_plan(plan, error=RedesignError)
     weights = as_weights(plan.model, R=R, Q_x=Q_x, Q_y=Q_y)
     edges = _edges(plan)
     middle = (edges[:-1] + edges[1:]) / 2

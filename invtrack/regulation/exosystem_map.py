@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from invtrack.arrays import Array, Indices
+from invtrack.arrays import Array, Indices, require_share
 from invtrack.errors import PlanError, TrajectoryError
 from invtrack.inversion.exact import split_each
 from invtrack.linear.scaling import unit_ratios
@@ -59,8 +59,7 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
     ill-conditioned).
     Source: Devasia, Paden, Rossi 1996, section 3.
     """
-    if not 0 < tolerance < 1:
-        raise PlanError(f"tolerance must lie between 0 and 1, got {tolerance}")
+    require_share("tolerance", tolerance, error=PlanError)
     plant = as_switched(model)
     require_outputs(plant, exosystem)
     splits = split_each(plant)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, whole_number
 from invtrack.errors import InversionError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
@@ -40,8 +40,7 @@ def single_francis(model: Any, exosystem: Exosystem, *, interval: int = 0) -> Re
     for an interval that does not exist, and what `switched_francis` does.
     """
     plant = as_switched(model)
-    if interval not in range(len(plant)):
-        raise InversionError(f"interval must be from 0 to {len(plant) - 1} for this plant, got {interval}")
+    interval = whole_number("interval", interval, highest=len(plant) - 1, error=InversionError)
     frozen = SwitchedSystem([plant.systems[interval]] * len(plant), plant.switch_times)
     return _map_of(plant, frozen, exosystem, "single Francis")
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, Indices, real_numbers
+from invtrack.arrays import Array, Indices, finite_number, real_numbers
 from invtrack.errors import InversionError, TrajectoryError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
@@ -129,7 +129,10 @@ class RegulationMap:
         times = np.atleast_1d(real_numbers("times [s]", t))
         if times.ndim != 1 or not np.all(np.isfinite(times)):
             raise TrajectoryError(f"expected finite times (m,) [s], got {t!r}")
-        within = times if inside is None else np.broadcast_to(np.asarray(inside, dtype=float), times.shape)
+        within = times if inside is None else real_numbers("times inside pieces [s]", inside)
+        if within.shape not in ((), times.shape) or not np.all(np.isfinite(within)):
+            raise TrajectoryError(f"inside must name a finite time [s] for each of the {len(times)} times, got {inside!r}")
+        within = np.broadcast_to(within, times.shape)
         values = self.trajectory(times, self.trajectory.locate(within), slice(first * q, last * q))
         return values.reshape(len(times), last - first, q)
 
@@ -184,11 +187,13 @@ class RegulationMap:
     def _at_start(self, x_e: ArrayLike, at: float | None) -> Array:
         """The weighted state (q,) at T_i."""
         x = real_numbers("the exosystem's state", x_e)
-        if x.shape != (self.exosystem.n_states,):
+        if x.shape != (self.exosystem.n_states,) or not np.all(np.isfinite(x)):
             names = list(self.exosystem.names)
-            raise TrajectoryError(f"expected an exosystem state of {len(names)} entries {names}, got shape {x.shape}")
+            raise TrajectoryError(f"expected an exosystem state of {len(names)} finite entries {names}, got {x.tolist()}")
         x = self._sizes * x
-        return x if at is None else self._comparable.transition(at, self.manoeuvre[0]) @ x
+        if at is None:
+            return x
+        return self._comparable.transition(finite_number("at", at, unit="s"), self.manoeuvre[0]) @ x
 
 
 def _absolute(deviation: PiecewiseSignal, y_0: Array) -> PiecewiseSignal:

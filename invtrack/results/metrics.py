@@ -13,11 +13,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.arrays import Array
+from invtrack.arguments import one_of, texts
+from invtrack.arrays import Array, real_number, real_numbers, real_weight, require_share
 from invtrack.errors import InvtrackError
 from invtrack.plans.plan import Plan
 from invtrack.plans.preactuation import plan_preactuation_time
-from invtrack.results.result import RunResult
+from invtrack.results.result import RunResult, require_run
 
 # Times on a run's grid are sums and quotients of floats: two that are meant to be equal differ by some units in the last place.
 TIME_TOLERANCE = 1e-9
@@ -61,6 +62,8 @@ def state_vibration(
     Where the controller wants no state (x_ref is NaN) it is the peak-to-peak of the coordinate itself. Raises InvtrackError for a
     name that is no state, and as `residual_vibration` does.
     """
+    require_run(result)
+    names = texts("names", names, expected="a list of names of states", error=InvtrackError)
     unknown = [name for name in names if name not in result.state.channels.names]
     if unknown:
         raise InvtrackError(f"no state named {', '.join(unknown)}; there are: {', '.join(result.state.channels.names)}")
@@ -80,12 +83,14 @@ def preactuation_time(motion: RunResult | Plan, *, level: float = 0.01) -> float
     that is above the level from the start of the run on gives the whole time before the manoeuvre, a lower bound. Of a plan: see
     `invtrack.plans.preactuation`. |u| is the Euclidean norm over the inputs. Raises InvtrackError unless 0 < level < 1.
     """
-    return plan_preactuation_time(motion, level) if isinstance(motion, Plan) else _run_preactuation_time(motion, level)
+    if isinstance(motion, Plan):
+        return plan_preactuation_time(motion, level)
+    require_run(motion)
+    return _run_preactuation_time(motion, level)
 
 
 def _run_preactuation_time(result: RunResult, level: float) -> float:
-    if not 0 < level < 1:
-        raise InvtrackError(f"level is {level}, expected a fraction of the peak input between 0 and 1, such as 0.01")
+    require_share("level, a share of the peak input such as 0.01,", level, error=InvtrackError)
     inputs = _finite(result, result.applied.values)
     magnitude = np.hypot.reduce(np.abs(inputs), axis=1)  # the norm, without squares that overflow in a run that diverges
     start = result.manoeuvre[0]
@@ -101,11 +106,13 @@ def _run_preactuation_time(result: RunResult, level: float) -> float:
 
 def peak_input(result: RunResult) -> float:
     """Largest applied |u_i| over the run and all inputs, after the actuators' limits."""
+    require_run(result)
     return _peak(_finite(result, result.applied.values))
 
 
 def peak_commanded_input(result: RunResult) -> float:
     """Largest commanded |u_i| over the run and all inputs, before the actuators' limits."""
+    require_run(result)
     return _peak(_finite(result, result.commanded.values))
 
 
@@ -115,8 +122,7 @@ def metrics(result: RunResult, *, periods: float = 5, duration: float | None = N
     `periods` and `duration` set the window of residual_vibration, which is None for a run that diverged. Raises as
     `residual_vibration` does for a run that was completed.
     """
-    if not isinstance(result, RunResult):
-        raise InvtrackError(f"expected the result of a run, as invtrack.simulate returns it, got {type(result).__name__}")
+    require_run(result)
     completed = result.status == "completed"
     return {
         "max_error": max_error(result),
@@ -129,6 +135,8 @@ def metrics(result: RunResult, *, periods: float = 5, duration: float | None = N
 
 
 def _error(result: RunResult, wanted: str) -> Array:
+    require_run(result)
+    one_of("wanted", wanted, ("reference", "planned_output"), error=InvtrackError)
     return _finite(result, result.output.values - getattr(result, wanted).values)
 
 
@@ -145,6 +153,9 @@ def _finite(result: RunResult, values: Array) -> Array:
 
 def _window_after(result: RunResult, periods: float, duration: float | None) -> NDArray[np.bool_]:
     """Which samples lie in the window after the manoeuvre, (N + 1,)."""
+    require_run(result)
+    periods = real_number("periods", periods, error=InvtrackError)
+    duration = None if duration is None else real_number("duration", duration, unit="s", error=InvtrackError)
     if result.status == "diverged":
         raise InvtrackError(f"run {result.name!r} diverged ({result.message}), so its residual vibration is not defined")
     if duration is None and not math.isfinite(result.vibration_period):
@@ -195,15 +206,19 @@ def run_cost(
 
     Raises InvtrackError for weights or a reference of the wrong shape, and for a run that diverged.
     """
+    require_run(result)
     if result.status == "diverged":
         raise InvtrackError(f"run {result.name!r} diverged ({result.message}): its cost is not defined; take a smaller timestep")
     output = result.output.values
-    y_d = result.reference.values if wanted is None else np.asarray(wanted, dtype=float)
-    if y_d.shape != output.shape:
+    y_d = result.reference.values if wanted is None else real_numbers("wanted", wanted, error=InvtrackError)
+    if y_d.shape != output.shape or not np.all(np.isfinite(y_d)):
         raise InvtrackError(
-            f"wanted has shape {y_d.shape}, expected {output.shape}: a value per sample and output of {result.name!r}"
+            f"wanted has shape {y_d.shape}, expected {output.shape}: a finite value per sample and output of {result.name!r}"
         )
-    u = result.applied.values - np.asarray(u_0, dtype=float)
+    rest = real_numbers("u_0", u_0, error=InvtrackError)
+    if rest.shape not in ((), result.applied.values.shape[1:]) or not np.all(np.isfinite(rest)):
+        raise InvtrackError(f"u_0 must be a finite number for each of the inputs {result.applied.channels}, got {rest.tolist()}")
+    u = result.applied.values - rest
     step = np.diff(result.time)
     moving = _quadratic("Q_x", Q_x, result.state.values) + _quadratic("Q_y", Q_y, output - y_d)
     return float(step @ (_quadratic("R", R, u) + (moving[:-1] + moving[1:]) / 2))
@@ -212,8 +227,5 @@ def run_cost(
 def _quadratic(name: str, weight: ArrayLike, values: Array) -> Array:
     """values' weight values of each sample, (m,)."""
     channels = values.shape[1]
-    matrix: Array = np.asarray(weight, dtype=float)
-    matrix = matrix * np.eye(channels) if matrix.ndim == 0 else matrix
-    if matrix.shape != (channels, channels):
-        raise InvtrackError(f"{name} must be a number or a ({channels}, {channels}) matrix, got shape {matrix.shape}")
+    matrix = real_weight(name, weight, channels, error=InvtrackError)
     return np.asarray(np.einsum("mi,ij,mj->m", values, matrix, values))

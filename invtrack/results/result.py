@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from invtrack.arguments import instance, shown
 from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
@@ -127,8 +128,8 @@ class RunResult:
 
         Raises InvtrackError unless `every` is at least 1.
         """
-        if every < 1:
-            raise InvtrackError(f"expected to keep every 1st, 2nd, ... sample, got every {every}")
+        if isinstance(every, bool) or not isinstance(every, (int, np.integer)) or every < 1:
+            raise InvtrackError(f"expected to keep every 1st, 2nd, ... sample, got every {shown(every)}")
         changes = np.flatnonzero(np.any(np.diff(self.parameters.values, axis=0) != 0, axis=1)) + 1
         events = np.searchsorted(self.time, [event.time for event in self.events])
         marked = np.concatenate([changes, events, [len(self.time) - 1]])
@@ -162,3 +163,8 @@ class RunResult:
             if not same:
                 return False
         return True
+
+
+def require_run(value: object) -> None:
+    """Raises InvtrackError for what is no result of a run."""
+    instance("result", value, RunResult, expected="the result of a run, as invtrack.simulate returns it", error=InvtrackError)

@@ -9,7 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array
+from invtrack.arguments import by_name, instance, require_text, shown
+from invtrack.arrays import Array, real_number, real_numbers, require_duration
 from invtrack.channels import Channels
 from invtrack.control.protocol import Controller
 from invtrack.errors import SimulationError
@@ -83,6 +84,14 @@ def simulate(
 
     Raises SimulationError, PlantError for what cannot be simulated as asked.
     """
+    expected = "an invtrack.Plant, or invtrack.LinearPlant(model) for a linear model"
+    instance("plant", plant, (Plant, LinearPlant), expected=expected, error=SimulationError)
+    require_duration("timestep", timestep, error=SimulationError)
+    if progress is not None and not callable(progress):
+        raise SimulationError(f"progress must be a function of the share that is done, got {shown(progress)}")
+    require_text("name", name, error=SimulationError)
+    if sensors is not None:
+        by_name("sensors", sensors, expected="sensors by the names of measurements", error=SimulationError)
     simulated = mujoco_plant(plant) if isinstance(plant, Plant) else linear_plant(plant)
     require_fit(simulated, controller, evaluate)
     plan = controller.plan
@@ -90,16 +99,21 @@ def simulate(
         values, changes = plan.model.parameters, [Change(time, **new) for time, new in plan.schedule]
         require_planned_parameters(simulated, values)
     else:
-        values, changes = {}, ordered(schedule or ())
+        values, changes = {}, ordered(() if schedule is None else schedule)
         require_known_parameters(simulated, changes)
     warn_of_limits(simulated, controller)
     warn_of_unused_sensors(controller, sensors or {})
-    period = slowest_flexible_period(plan.model.systems[-1].A) if vibration_period is None else float(vibration_period)
+    if vibration_period is None:
+        period = slowest_flexible_period(plan.model.systems[-1].A)
+    else:
+        period = real_number("vibration_period", vibration_period, unit="s", error=SimulationError)
+        require_duration("vibration_period", period, error=SimulationError)
     if start is None and initial_state is None:
         warn_of_start(simulated, controller)
-    start = plan.start if start is None else float(start)
+    start = plan.start if start is None else real_number("start", start, unit="s", error=SimulationError)
     if end is None:
         end = max(plan.end, plan.manoeuvre[1] + (RESIDUAL_PERIODS * period if np.isfinite(period) else 0.0))
+    end = real_number("end", end, unit="s", error=SimulationError)
     updates = update_times(start, end, controller.period)
     breakpoints = [change.time for change in changes]
     for source in (controller.breakpoints, plan.breakpoints, simulated.breakpoints, updates):
@@ -126,9 +140,9 @@ def simulate(
 def _state(plant: SimulatedPlant, initial_state: ArrayLike | None) -> Array:
     """The state (n,) to start in: at rest at the operating point unless given."""
     n = len(plant.states)
-    x_0 = np.zeros(n) if initial_state is None else np.array(initial_state, dtype=float)
-    if x_0.shape != (n,):
-        raise SimulationError(f"initial_state has shape {x_0.shape}, expected ({n},): {plant.states}")
+    x_0 = np.zeros(n) if initial_state is None else real_numbers("initial_state", initial_state, error=SimulationError)
+    if x_0.shape != (n,) or not np.all(np.isfinite(x_0)):
+        raise SimulationError(f"initial_state must be finite, ({n},): {plant.states}; got shape {x_0.shape}, {x_0.tolist()}")
     return x_0
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, real_numbers
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
 from invtrack.linear.propagation import zero_order_hold
@@ -30,8 +30,9 @@ class LinearPlant:
         self.model = as_switched(model)
         self.name = name
         p = self.model.n_channels
-        limits = np.array([[-np.inf, np.inf]] * p if input_limits is None else input_limits, dtype=float)
-        if limits.shape != (p, 2) or np.any(limits[:, 0] > limits[:, 1]):
+        given = [[-np.inf, np.inf]] * p if input_limits is None else input_limits
+        limits = real_numbers("input_limits", given, error=SimulationError)
+        if limits.shape != (p, 2) or not np.all(limits[:, 0] <= limits[:, 1]):
             raise SimulationError(f"input_limits must be ({p}, 2), lowest before highest, got {limits.tolist()}")
         self.input_limits: Array = limits
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from invtrack.arguments import one_of
 from invtrack.arrays import Array
 from invtrack.control.protocol import Controller, Instants
 from invtrack.control.tracking_controller import PlanFollower
@@ -27,7 +28,7 @@ PLAN_SAMPLES = 2001
 
 def require_fit(plant: SimulatedPlant, controller: Controller, evaluate: str) -> None:
     """Raises SimulationError where plant, controller and evaluation do not fit each other."""
-    if not hasattr(controller, "begin"):
+    if isinstance(controller, type) or not callable(getattr(controller, "begin", None)):
         raise SimulationError(
             f"expected a controller, got {type(controller).__name__}; make one of a plan: invtrack.TrackingController(plan, gains)"
         )
@@ -38,8 +39,7 @@ def require_fit(plant: SimulatedPlant, controller: Controller, evaluate: str) ->
             raise SimulationError(f"the plan's {kind} are {planned}, the plant's are {real}; plan for invtrack.linearize(plant)")
     if not model.operating_point.agrees_with(plant.operating_point):
         raise SimulationError("the plan was made about another operating point than the plant's; linearize this plant")
-    if evaluate not in ("held", "stages"):
-        raise SimulationError(f'evaluate must be "held" or "stages", got {evaluate!r}')
+    one_of("evaluate", evaluate, ("held", "stages"), error=SimulationError)
     if evaluate == "stages" and not (controller.stateless and controller.period is None):
         raise SimulationError(
             'evaluate="stages" evaluates the law several times per step, so it needs a controller without a state and without a '

@@ -9,7 +9,8 @@ from typing import Protocol
 
 import numpy as np
 
-from invtrack.arrays import Array, Indices
+from invtrack.arguments import instance
+from invtrack.arrays import Array, Indices, require_not_negative, whole_number
 from invtrack.channels import Channels
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
@@ -117,14 +118,15 @@ class Sensor:
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
-            if not (np.isfinite(value) and value >= 0):
-                raise SimulationError(f"a sensor's {name} must be finite and not negative, got {value}")
+            require_not_negative(f"a sensor's {name}", value, error=SimulationError)
 
 
 class SensorChain:
     """All measurements of one run: ideal values in, what the controller sees out. Seeded: the same run gives the same noise."""
 
     def __init__(self, names: Sequence[str], sensors: Mapping[str, Sensor], seed: int) -> None:
+        for name, sensor in sensors.items():
+            instance(f"the sensor of {name!r}", sensor, Sensor, expected="an invtrack.Sensor", error=SimulationError)
         unknown = [name for name in sensors if name not in names]
         if unknown:
             raise SimulationError(f"sensors are given for {unknown}; the plant's measurements are: {', '.join(names)}")
@@ -133,7 +135,7 @@ class SensorChain:
         self._digit = np.array([sensor.quantization for sensor in chosen])
         self._delay = np.array([sensor.delay for sensor in chosen])
         self._noisy, self._digital, self._late = bool(np.any(self._noise)), bool(np.any(self._digit)), bool(np.any(self._delay))
-        self._random = np.random.default_rng(seed)
+        self._random = np.random.default_rng(whole_number("seed", seed, error=SimulationError))
 
     def sample(self, index: int, time: Array, ideal: Array, columns: Indices) -> Array:
         """What the sensors show at time[index] (m,), from ideal values (N, k) up to and including row `index`, in m columns.

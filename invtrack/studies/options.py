@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from invtrack.arrays import real_number
 from invtrack.errors import SimulationError
 
 # One flag, --quiet, instead of the pair that a bool would give.
@@ -66,12 +67,11 @@ class StudyOptions:
     """The recordings keep every so many samples; 1 keeps all (metrics and figures always use all)."""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.timestep) and self.timestep > 0):
+        if not 0 < real_number("--timestep", self.timestep, unit="s", error=SimulationError) < math.inf:
             raise SimulationError(f"--timestep: expected a positive, finite number of seconds such as 1e-3, got {self.timestep}")
-        if self.seed < 0:
-            raise SimulationError(f"--seed: expected a whole number from 0 on, got {self.seed}")
-        if self.record_every < 1:
-            raise SimulationError(f"--record-every: expected a whole number from 1 on, got {self.record_every}")
+        for flag, value, lowest in (("--seed", self.seed, 0), ("--record-every", self.record_every, 1)):
+            if isinstance(value, bool) or not isinstance(value, int) or value < lowest:
+                raise SimulationError(f"{flag}: expected a whole number from {lowest} on, got {value}")
 
     def that_matter(self) -> dict[str, Any]:
         """The options that change a study's numbers, those of a derived class among them, by name."""

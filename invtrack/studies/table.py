@@ -10,6 +10,7 @@ from typing import Any
 from rich.console import Console
 from rich.text import Text
 
+from invtrack.arguments import by_name, instance, items, require_text
 from invtrack.errors import InvtrackError
 
 Cell = float | int | str | None
@@ -24,6 +25,8 @@ class Column:
     """One column: the name in its header, its unit ("" for text and counts) and the key of its values in each row.
 
     Without a key it is the name with underscores: Column("max error", "m") shows the rows' "max_error".
+
+    Raises InvtrackError for what is no text.
     """
 
     name: str
@@ -31,6 +34,8 @@ class Column:
     key: str = ""
 
     def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require_text(f"a column's {name}", value, error=InvtrackError)
         object.__setattr__(self, "key", self.key or self.name.replace(" ", "_"))
 
 
@@ -51,7 +56,17 @@ def print_table(
 
     Raises InvtrackError where a row has no value for a column.
     """
-    console = console or Console()
+    for name, value in (("title", title), ("row_header", row_header)):
+        require_text(name, value, error=InvtrackError)
+    columns = items("columns", columns, expected="a list of Column", error=InvtrackError)
+    for column in columns:
+        instance("a column", column, Column, expected="an invtrack.studies.Column", error=InvtrackError)
+    for case, row in by_name("rows", rows, expected="rows by the names of cases", error=InvtrackError).items():
+        if row is not None:
+            by_name(f"row {case!r}", row, expected="cells by the keys of columns", error=InvtrackError)
+    console = (
+        Console() if console is None else instance("console", console, Console, expected="a rich Console", error=InvtrackError)
+    )
     headers = [_header_lines(column) for column in columns]
     height = max((len(header) for header in headers), default=1)
     cases = _padded([row_header], list(rows), height, left=True)

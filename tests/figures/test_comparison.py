@@ -110,7 +110,7 @@ def test_the_error_axis_holds_the_errors_of_all_columns(runs: list[RunResult]) -
     ("options", "message"),
     [
         ({"times": {}}, "at least one time"),
-        ({"before": 0.0}, "at least one time and a positive span"),
+        ({"before": 0.0}, "before must be a positive number of seconds, got 0"),
         ({"times": {"never": 1e6}}, "cannot show the times"),
     ],
 )

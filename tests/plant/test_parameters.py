@@ -185,7 +185,7 @@ def test_inertia_cannot_scale_from_zero_mass(tmp_path: Path) -> None:
 
 
 def test_unknown_way_of_inertia() -> None:
-    with pytest.raises(PlantError, match='must be "fixed" or "scaled", got \'proportional\''):
+    with pytest.raises(PlantError, match="must be one of 'fixed', 'scaled', got 'proportional'"):
         BodyMass("tip", inertia="proportional")  # type: ignore[arg-type]
 
 

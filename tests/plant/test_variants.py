@@ -106,5 +106,5 @@ def test_a_model_that_does_not_clamp_is_refused(tmp_path: Path) -> None:
 def test_couplings_that_there_are_not_are_refused() -> None:
     with pytest.raises(PlantError, match=r"has no velocity coupling 'drag'; there are: velocity_coupling"):
         with_coupling_scaled(two_disc(), "drag", 1.0)
-    with pytest.raises(PlantError, match="scale of coupling 'velocity_coupling' must be finite, got nan"):
+    with pytest.raises(PlantError, match="scale must be a finite number, got nan"):
         with_coupling_scaled(two_disc(), "velocity_coupling", float("nan"))

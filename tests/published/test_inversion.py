@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from invtrack.errors import NonHyperbolicError
 from invtrack.inversion import invert
-from invtrack.linear import StateSpace, SwitchedSystem
+from invtrack.linear import StateSpace, SwitchedSystem, normal_form
 from invtrack.plans import Plan, preactuation_bound
-from invtrack.linear import normal_form
 from invtrack.references import rest_to_rest
 from tests.published.library import (
     NO_VECTOR_RELATIVE_DEGREE_IN_A_CHOICE,

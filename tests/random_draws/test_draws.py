@@ -11,10 +11,13 @@ from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import StateSpace
 from invtrack.references.profiles import rest_to_rest
 from tests.linear.random_plants import assert_same_set, block, plant_with
+from tests.random_draws.calls import attempted
+from tests.random_draws.command import broken_bounds, table
 from tests.random_draws.invariant_zeros import Judgement, judged
-from tests.random_draws.outcomes import WRONG, plant_outcome
+from tests.random_draws.outcomes import WRONG, Outcome, plant_outcome, switched_outcome
 from tests.random_draws.plants import Matrices, Units, drawn_plant
 from tests.random_draws.shooting import Contradiction, contradiction
+from tests.random_draws.valid_calls import Call, public_doors, valid_calls
 
 NONMINIMUM_PHASE = Matrices(*(np.array(M) for M in ([[0.0, 1.0], [-2.0, -3.0]], [[0.0], [1.0]], [[1.0, -1.0]], [[0.0]])))
 """(1 - s) / (s^2 + 3 s + 2): a zero at 1."""
@@ -27,8 +30,8 @@ def matrices(system: StateSpace) -> Matrices:
 @pytest.mark.parametrize("number", range(12))
 def test_a_plan_is_right_and_a_refusal_has_its_reason(number: int) -> None:
     outcome = plant_outcome(7, number)
-    if outcome.kind == "refused though solvable" and outcome.detail.startswith("RelativeDegreeError: no vector relative degree"):
-        return  # plants without a vector relative degree are not served
+    if outcome.kind == "refused though solvable" and outcome.detail.startswith(("RelativeDegreeError", "NonHyperbolicError")):
+        return  # plants without a vector relative degree, and zeros within 1e-8 of their size from the axis, are not served
     assert outcome.kind in ("plan right", "refused, no solution", "refused, in the band"), outcome
 
 
@@ -108,3 +111,48 @@ def test_a_plan_that_is_late_is_contradicted(seconds: float) -> None:
     late = replace(plan, trajectory=replace(plan.trajectory, breakpoints=plan.trajectory.breakpoints + seconds))
     found = contradiction(late, [NONMINIMUM_PHASE], np.zeros(0), one(2), zeros=np.array([1.0 + 0j]))
     assert found.output > WRONG
+
+
+@pytest.mark.parametrize("number", range(15))
+def test_switched_plants(number: int) -> None:
+    outcome = switched_outcome(7, number)
+    assert outcome.kind in ("plan right", "refused, no solution", "refused, in the band"), outcome
+
+
+def test_every_public_door_has_a_call_that_succeeds() -> None:
+    calls = valid_calls()
+    assert public_doors() <= {name.partition(".")[0] for name in calls}
+    for name in ("StateSpace", "rest_to_rest", "simulate", "print_table"):
+        calls[name].function(**calls[name].arguments)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize(
+    "value", ["text", "object", "ragged list", "masked array", "NaN matrix", "larger than any float", "generator"]
+)
+@pytest.mark.parametrize("name", ["StateSpace", "SwitchedSystem", "invert", "lqr", "TrackingController", "simulate", "peak_input"])
+def test_a_malformed_call_is_refused(name: str, value: str) -> None:
+    call = valid_calls()[name]
+    for argument in call.arguments:
+        kind, detail = attempted(name, {argument: value})
+        assert kind in ("refused", "accepted"), f"{name}({argument} = {value}): {detail}"
+
+
+def test_what_is_no_refusal_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A call that fails with an exception of somebody else's, and one that takes anything, are reported."""
+    calls = {
+        "strict": Call(lambda x: float(x) + 1.0, {"x": 1.0}),
+        "lax": Call(lambda x: None, {"x": 1.0}),
+    }
+    monkeypatch.setattr("tests.random_draws.calls.valid_calls", lambda: calls)
+    assert attempted("strict", {"x": "text"}) == ("foreign exception", "ValueError: could not convert string to float: 'much'")
+    assert attempted("lax", {"x": "object"})[0] == "malformed, yet accepted"
+    assert attempted("lax", {"x": "half"})[0] == "accepted"
+
+
+def test_the_bounds() -> None:
+    right, refused = Outcome(0, "dense", "plan right"), Outcome(1, "dense", "refused though solvable")
+    assert broken_bounds("plants", [right] * 1000 + [refused]) == []
+    assert broken_bounds("plants", [right] * 997 + [refused] * 2) != []
+    assert broken_bounds("plants", [right, Outcome(2, "dense", "plan wrong")]) != []
+    assert "refused though solvable x 1 (as no. 1)" in table("plants", [right, refused])

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import inspect
 import io
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -66,21 +68,36 @@ NOT_DOORS = {
 
 @dataclass(frozen=True)
 class Call:
-    """A function or class, and arguments by name with which it succeeds; `open` are those that take any object at all."""
+    """A function or class, and arguments by name with which it succeeds.
+
+    callbacks: the arguments that may be functions. takes: what of the bad values is right for this call after all.
+    """
 
     function: Callable[..., Any]
     arguments: dict[str, Any]
-    open: frozenset[str] = frozenset()
+    callbacks: tuple[str, ...] = ()
+    takes: tuple[str, ...] = ()
 
 
-def call(function: Callable[..., Any], *, free: tuple[str, ...] = (), **arguments: Any) -> Call:
+def call(function: Callable[..., Any], *, callbacks: tuple[str, ...] = (), takes: tuple[str, ...] = (), **arguments: Any) -> Call:
     """A `Call`."""
-    return Call(function, arguments, frozenset(free))
+    return Call(function, arguments, callbacks, takes)
+
+
+@lru_cache(maxsize=1)
+def workplace() -> tempfile.TemporaryDirectory[str]:
+    """The folder in which this process makes its calls, so that what they write goes away with it."""
+    return tempfile.TemporaryDirectory()
 
 
 @lru_cache(maxsize=1)
 def valid_calls() -> dict[str, Call]:
-    """By name: those of the rooms under their own, methods as "class.method". Files are written to the working folder."""
+    """By name: those of the rooms under their own, methods as "class.method". Paths are relative to the `workplace`."""
+    with contextlib.chdir(workplace().name):
+        return _calls()
+
+
+def _calls() -> dict[str, Call]:
     A, B, C = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([[0.0], [1.0]]), np.array([[3.0, 1.0]])
     model = invtrack.StateSpace(A, B, C)
     antistable = invtrack.StateSpace(A, B, np.array([[2.0, -1.0]]))
@@ -139,7 +156,7 @@ def valid_calls() -> dict[str, Call]:
         "relative_degree": call(linear.relative_degree, system=model),
         "zeros": call(linear.zeros, system=model),
         "zero_report": call(linear.zero_report, system=model),
-        "format_zeros": call(linear.format_zeros, zeros=[1.0 + 2.0j], size=1.0),
+        "format_zeros": call(linear.format_zeros, takes=("complex", "complex matrix"), zeros=[1.0 + 2.0j], size=1.0),
         "slowest_flexible_period": call(linear.slowest_flexible_period, A=A),
         # references
         "rest_to_rest": call(invtrack.rest_to_rest, start=0.0, end=1.0, duration=1.0, smoothness=2, start_time=0.0),
@@ -170,7 +187,7 @@ def valid_calls() -> dict[str, Call]:
         "Exosystem.shifted": call(sway.shifted, delay=1.0),
         "exosystem": call(references.exosystem, A_e=[[0.0]], C_e=[[1.0]], start=0.0, end=1.0, outside="zero", names=["w"]),
         "sinusoidal_exosystem": call(
-            references.sinusoidal_exosystem, frequencies=[1.0], bias=True, start=0.0, end=1.0, outside="zero", free=("bias",)
+            references.sinusoidal_exosystem, frequencies=[1.0], bias=True, start=0.0, end=1.0, outside="zero"
         ),
         "polynomial_exosystem": call(references.polynomial_exosystem, degree=2, start=0.0, end=1.0, outside="zero"),
         "step_exosystem": call(references.step_exosystem, start=0.0, end=1.0, outside="zero"),
@@ -216,13 +233,22 @@ def valid_calls() -> dict[str, Call]:
         "constrained_redesign": call(
             invtrack.constrained_redesign, model=model, reference=bump, R=1.0, Q_x=0.1, Q_y=10.0, limits=invtrack.Limits(input=50.0)
         ),
-        "prefilter": call(redesign.prefilter, model=model, R=1.0, Q_x=0.1, Q_y=10.0, stabilizing_gain=np.zeros((1, 2))),
+        "prefilter": call(
+            redesign.prefilter,
+            callbacks=("R", "Q_x", "Q_y"),
+            model=model,
+            R=1.0,
+            Q_x=0.1,
+            Q_y=10.0,
+            stabilizing_gain=np.zeros((1, 2)),
+        ),
         "Prefilter.frequency_response": call(prefilter.frequency_response, w=w),
         "Prefilter.impulse_response": call(prefilter.impulse_response, times=times, tolerance=1e-3),
         "Prefilter.preview_time": call(prefilter.preview_time, level=0.01),
         "Prefilter.apply": call(prefilter.apply, reference=bump, times=times, tolerance=1e-4),
         "pareto_sweep": call(
             redesign.pareto_sweep,
+            callbacks=("method",),
             model=model,
             reference=bump,
             weights=[weights],
@@ -271,7 +297,7 @@ def valid_calls() -> dict[str, Call]:
             period=0.01,
         ),
         # simulation
-        "LinearPlant": call(invtrack.LinearPlant, model=model, input_limits=[[-9.0, 9.0]], name="model", free=("name",)),
+        "LinearPlant": call(invtrack.LinearPlant, model=model, input_limits=[[-9.0, 9.0]], name="model"),
         "Sensor": call(invtrack.Sensor, noise=0.1, quantization=0.1, delay=0.1),
         "simulate": call(
             invtrack.simulate,
@@ -288,6 +314,7 @@ def valid_calls() -> dict[str, Call]:
             seed=0,
             name="run",
             progress=None,
+            callbacks=("progress",),
         ),
         # results
         "max_error": call(invtrack.max_error, result=run, wanted="reference"),
@@ -335,7 +362,6 @@ def valid_calls() -> dict[str, Call]:
             curves={"G": response.G_f[:, 0, 0]},
             magnitude="|G|",
             phase=True,
-            free=("phase",),
         ),
         "trade_off_figure": call(
             figures.trade_off_figure,
@@ -345,7 +371,6 @@ def valid_calls() -> dict[str, Call]:
             notes=["a", "b"],
             horizontal_log=False,
             vertical_log=False,
-            free=("horizontal_log", "vertical_log"),
         ),
         "save_figure": call(figures.save_figure, figure=figure, path="figure.png"),
         # plant
@@ -374,7 +399,6 @@ def valid_calls() -> dict[str, Call]:
             step=1e-4,
             equilibrium_tolerance=1e-6,
             allow_nonequilibrium=False,
-            free=("allow_nonequilibrium",),
         ),
         "model_path": call(invtrack.model_path, name="cantilever"),
         "with_input_limits": call(plant.with_input_limits, plant=rig, limits={"base_force": (-1.0, 1.0)}),

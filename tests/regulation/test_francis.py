@@ -113,7 +113,7 @@ def test_single_francis_misses_the_equations_of_the_other_intervals() -> None:
     sway = sinusoidal_exosystem([1.1])
     assert single_francis(model, sway).certificate.dynamics_residual > 1e-3
     assert single_francis(CANTILEVER[0], sway).certificate.dynamics_residual < 1e-13
-    with pytest.raises(InversionError, match="interval must be from 0 to 2 for this plant, got 3"):
+    with pytest.raises(InversionError, match="interval must be a whole number from 0 to 2, got 3"):
         single_francis(model, sway, interval=3)
 
 

@@ -97,7 +97,7 @@ def test_preactuation_time_at_its_limits() -> None:
     assert preactuation_time(always) == pytest.approx(MANOEUVRE[0] - run.time[0])
     assert preactuation_time(causal) == 0
     assert preactuation_time(two_mode_run(start=0.0)) == 0
-    with pytest.raises(InvtrackError, match="level is 2"):
+    with pytest.raises(InvtrackError, match=r"level, .* must lie between 0 and 1, got 2"):
         preactuation_time(run, level=2)
 
 

@@ -9,7 +9,7 @@ from numbers import Complex
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.arrays import Array, ComplexArray, Indices
+from invtrack.arrays import Array, ComplexArray, Indices, real_number
 from invtrack.errors import InversionError, NonHyperbolicError
 from invtrack.linear.hidden_modes import zero_kinds
 from invtrack.linear.internal_dynamics import AXIS_TOLERANCE, REMEDIES, InternalDynamics, format_zeros, on_axis
@@ -43,8 +43,8 @@ class Wish:
                 f"move={self.move}, axis_distance={self.axis_distance}, real_part={self.real_part}"
             )
         for name, value in (("axis_distance", self.axis_distance), ("real_part", self.real_part)):
-            if value is not None and (np.ndim(value) or np.asarray(value).dtype.kind not in "iuf"):
-                raise InversionError(f"{name} must be a real number [rad/s], got {value!r}")
+            if value is not None:
+                real_number(name, value, unit="rad/s", error=InversionError)
         if self.axis_distance is not None and not self.axis_distance >= 0:
             raise InversionError(f"axis_distance must not be negative, got {self.axis_distance}")
         if self.move is None:

@@ -121,7 +121,7 @@ def _poles(values: Sequence[complex]) -> ComplexArray | None:
     """Finite complex numbers (m,), or None for what is none."""
     try:
         poles = np.array(values, dtype=complex).reshape(-1)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None
     return poles if np.all(np.isfinite(poles)) else None
 

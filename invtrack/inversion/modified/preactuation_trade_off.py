@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from invtrack.arrays import Array, ComplexArray
+from invtrack.arrays import Array, ComplexArray, real_number, real_numbers
 from invtrack.errors import InversionError
 from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_inversion import ModifiedTrajectory, modified_inversion
@@ -61,7 +61,7 @@ def preactuation_trade_off(
 
     Raises InversionError for neither or both of axis_distance and zeros, without real parts, and as `modified_inversion` does.
     """
-    values = np.asarray(real_parts, dtype=float).reshape(-1)
+    values = np.ravel(real_numbers("real_parts [rad/s]", real_parts, error=InversionError))
     if not values.size:
         raise InversionError("expected at least one entry in real_parts [rad/s], got none")
     plan, moved = _planner(model, reference, axis_distance, zeros, error_poles=error_poles, **options)
@@ -98,12 +98,14 @@ def tune_modified_inversion(
 
     Raises InversionError for not exactly one wish, and for one that cannot be met, with the best that can be reached.
     """
-    if (preactuation is None) == (error is None) or not (preactuation if error is None else error) > 0:  # type: ignore[operator]
+    wishes = [wish for wish in (preactuation, error) if wish is not None]
+    if len(wishes) != 1 or not real_number("what can be afforded", wishes[0], error=InversionError) > 0:
         raise InversionError(
             f"expected a positive preactuation [s] or a positive error, got preactuation={preactuation}, error={error}"
         )
     plan, moved = _planner(model, reference, axis_distance, zeros, error_poles=error_poles, **options)
-    limits = np.asarray(_range(moved) if real_parts is None else real_parts, dtype=float)
+    given = _range(moved) if real_parts is None else real_parts
+    limits = real_numbers("real_parts [rad/s]", given, error=InversionError)
     if limits.shape != (2,) or not 0 < limits[0] < limits[1] < np.inf:
         raise InversionError(f"real_parts must be two positive numbers that increase, got {real_parts}")
     low, high = limits
