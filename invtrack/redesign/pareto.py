@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from invtrack.arrays import Array
 from invtrack.errors import RedesignError
-from invtrack.linear.switched import as_switched
+from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.plan import Plan
 from invtrack.redesign.cost import cost
 from invtrack.redesign.limits import StateRow, state_row
@@ -72,7 +72,7 @@ class TradeOff:
     def values(self, figure: str) -> Array:
         """One figure of all outcomes, (m,). Raises RedesignError for an unknown one."""
         known = self.outcomes[0].figures
-        if figure not in known:
+        if figure not in list(known):
             raise RedesignError(f"no figure named {figure!r}; there are: {', '.join(known)}")
         return np.array([outcome.figures[figure] for outcome in self.outcomes])
 
@@ -122,19 +122,24 @@ def pareto_sweep(
         method: called as method(model, reference, **weights, **options) for each point.
         options: further ones of the method, the same for all points.
 
-    Raises RedesignError for no or unknown weights and for quantities that do not fit the states, and as the method does.
+    Raises RedesignError for no or unknown weights, for quantities that do not fit the states, for an `exact` that is no plan and a
+    `method` that makes none, and as the method does.
     """
-    if not weights or any(not {"R", "Q_y"} <= set(point) <= WEIGHTS for point in weights):
-        keys = [sorted(point) for point in weights]
-        raise RedesignError(f"expected for each point a mapping with R, Q_y and, if wanted, Q_x; got {keys}")
+    points = _points(weights)
     plant = as_switched(model)
-    rows = {name: state_row(name, row, plant) for name, row in (quantities or {}).items()}
-    plans = tuple(method(plant, reference, **point, **options) for point in weights)
+    rows = _rows(quantities, plant)
+    if exact is not None:
+        _require_plan(exact, "exact must be a plan such as invtrack.invert(model, reference)")
+    if not callable(method):
+        raise RedesignError(f"method must be a function such as invtrack.quadratic_redesign, got {method!r}")
+    plans = tuple(method(plant, reference, **point, **options) for point in points)
+    for plan in plans:
+        _require_plan(plan, "method must return plans, as invtrack.quadratic_redesign does")
     return TradeOff(
-        weights=tuple(weights),
+        weights=points,
         plans=plans,
         outcomes=tuple(outcome(plan, rows) for plan in plans),
-        costs=tuple(cost(plan, **point) for plan, point in zip(plans, weights, strict=True)),
+        costs=tuple(cost(plan, **point) for plan, point in zip(plans, points, strict=True)),
         exact=None if exact is None else outcome(exact, rows),
     )
 
@@ -142,9 +147,10 @@ def pareto_sweep(
 def outcome(plan: Plan, quantities: Mapping[str, StateRow] | None = None) -> Outcome:
     """What a plan of any method gives up and asks for; quantities as in `pareto_sweep`.
 
-    Raises RedesignError for quantities that do not fit the states.
+    Raises RedesignError for what is no plan, and for quantities that do not fit the states.
     """
-    rows = {name: state_row(name, row, plan.model) for name, row in (quantities or {}).items()}
+    _require_plan(plan, "expected a plan such as invtrack.invert(model, reference)")
+    rows = _rows(quantities, plan.model)
     times, inside = _dense_times(plan)
     at = plan(times.ravel(), inside=inside)
     u = at.u - plan.model.operating_point.u0
@@ -156,6 +162,29 @@ def outcome(plan: Plan, quantities: Mapping[str, StateRow] | None = None) -> Out
         rms_input=float(np.sqrt(energy / (plan.manoeuvre[1] - plan.manoeuvre[0]))),
         peaks={name: _peak(at.x @ row) for name, row in rows.items()},
     )
+
+
+def _points(weights: object) -> tuple[Mapping[str, Any], ...]:
+    """The weights of each point. Raises RedesignError for what is no list of mappings with the weights' names, or an empty one."""
+    points = () if isinstance(weights, (str, Mapping)) or not isinstance(weights, Iterable) else tuple(weights)
+    if not points or not all(isinstance(point, Mapping) and {"R", "Q_y"} <= set(point) <= WEIGHTS for point in points):
+        got = [list(point) if isinstance(point, Mapping) else point for point in points] if points else weights
+        raise RedesignError(f"expected a list with, for each point, a mapping with R, Q_y and, if wanted, Q_x; got {got!r}")
+    return points
+
+
+def _rows(quantities: object, plant: SwitchedSystem) -> dict[str, Array]:
+    """The row (n,) of each quantity. Raises RedesignError for what is no mapping by names, and rows that do not fit the states."""
+    if quantities is None:
+        return {}
+    if not isinstance(quantities, Mapping) or not all(isinstance(name, str) and name for name in quantities):
+        raise RedesignError(f"quantities must be a mapping such as {{'twist': {{'th1': 1.0, 'th2': -1.0}}}}, got {quantities!r}")
+    return {name: state_row(name, row, plant) for name, row in quantities.items()}
+
+
+def _require_plan(plan: object, expected: str) -> None:
+    if not isinstance(plan, Plan):
+        raise RedesignError(f"{expected}, got {plan!r}")
 
 
 def _dense_times(plan: Plan) -> tuple[Array, Array]:

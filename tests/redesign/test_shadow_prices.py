@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.signal
 from numpy.typing import NDArray
 
 from invtrack.channels import Channels
@@ -85,6 +86,31 @@ def test_the_sensitivity_of_each_side_is_the_slope_of_the_optimal_cost(name: str
 
 def test_all_kinds_of_limits_act_in_the_cases_above() -> None:
     assert {each.name for each in plan_with_all_limits().active} == set(plan_with_all_limits().shadow_prices)
+
+
+def test_the_minimum_principle() -> None:
+    """With the costate p' = -A'p - 2 Q_x x - 2 C'Q_y (y - y_d) from rest after the end, by simulation of the plan's own values:
+
+    2 R u + B'p vanishes off the limits, and on them its size is the density of the multiplier, with the sign that holds u there.
+    """
+    plan = planned(input=(-0.05, 0.9), step=0.005)
+    times = np.linspace(plan.end, plan.start, 40_001)  # backward, in which the costate is stable
+    at = plan(times)
+    s = NONMINIMUM
+    forcing = 2 * at.x @ WEIGHTS["Q_x"] + 2 * WEIGHTS["Q_y"] * (at.y - at.y_d) @ s.C
+    costate = scipy.signal.lsim((s.A.T, np.eye(3), np.eye(3), np.zeros((3, 3))), forcing, times[0] - times)[1]
+    slope = 2 * WEIGHTS["R"] * at.u[:, 0] + costate @ s.B[:, 0]
+    size = float(np.max(np.abs(slope)))
+    assert {each.side for each in plan.active} == {"low", "high"}
+    on = np.zeros(len(times), dtype=bool)
+    for each in plan.active:
+        for stretch in each.stretches:
+            on |= (times > stretch.start - 0.01) & (times < stretch.end + 0.01)
+            inside = (times > stretch.start) & (times < stretch.end)
+            density = slope[inside] if each.side == "low" else -slope[inside]
+            assert np.min(density) > -1e-3 * size
+            assert stretch.multiplier == pytest.approx(float(np.sum(density) * (times[0] - times[1])), rel=2e-3)
+    assert np.max(np.abs(slope[~on])) < 1e-3 * size
 
 
 def test_a_limit_loosened_during_one_stretch_only() -> None:

@@ -122,6 +122,43 @@ def test_bad_requests_are_refused(sweep: TradeOff) -> None:
         pareto_sweep(NONMINIMUM, there_and_back(), weights=[good]).shares("peak_input")
 
 
+@pytest.mark.parametrize(
+    "weights", [None, 1.0, "R", {"R": 1.0, "Q_y": 1.0}, [None], ["RQ"], [[("R", 1.0)]], np.ones(2), [{1: 2.0}]]
+)
+def test_what_is_no_list_of_weights(weights: Any) -> None:
+    with pytest.raises(RedesignError, match="expected a list with, for each point, a mapping with R, Q_y and, if wanted, Q_x; got"):
+        pareto_sweep(NONMINIMUM, there_and_back(), weights=weights)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"quantities": "twist"}, "quantities must be a mapping such as .* got 'twist'"),
+        ({"quantities": [("twist", {"x1": 1.0})]}, "quantities must be a mapping such as"),
+        ({"quantities": {1: {"x1": 1.0}}}, "quantities must be a mapping such as"),
+        ({"quantities": {"": {"x1": 1.0}}}, "quantities must be a mapping such as"),
+        ({"quantities": {"twist": None}}, "weights of 'twist' must be real numbers"),
+        ({"exact": quadratic_redesign}, "exact must be a plan such as .* got <function quadratic_redesign"),
+        ({"exact": outcome}, "exact must be a plan"),
+        ({"method": None}, "method must be a function such as .* got None"),
+        ({"method": lambda *_, **__: None}, "method must return plans, as .* got None"),
+    ],
+)
+def test_what_a_sweep_cannot_use(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(RedesignError, match=message):
+        pareto_sweep(NONMINIMUM, there_and_back(), weights=[{"R": 1.0, "Q_y": 1.0}], **options)
+
+
+def test_an_outcome_needs_a_plan() -> None:
+    with pytest.raises(RedesignError, match=r"expected a plan such as .* got None"):
+        outcome(None)  # type: ignore[arg-type]
+
+
+def test_weights_may_come_one_after_the_other() -> None:
+    points = [{"R": 1.0, "Q_y": q_y} for q_y in (1.0, 5.0)]
+    assert pareto_sweep(NONMINIMUM, there_and_back(), weights=iter(points)).weights == tuple(points)  # type: ignore[arg-type]
+
+
 def test_an_outcome_of_exact_inversion_has_no_error() -> None:
     found = outcome(invert(NONMINIMUM, there_and_back()))
     assert found.max_error < 1e-12
