@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from invtrack.arrays import Array
 from invtrack.errors import BoundednessError, CompatibilityError, TrajectoryError
 from invtrack.inversion.axis_zeros import require_rest_held, require_rest_left, split_through_axis
+from invtrack.inversion.redesign_call import redesign_call
 from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
 from invtrack.linear.normal_form import NormalForm
 from invtrack.linear.state_space import StateSpace
@@ -25,6 +26,10 @@ from invtrack.references.signal import JUMP_TOLERANCE, Generator, PiecewiseSigna
 
 CONSISTENCY_TOLERANCE = 1e-7
 """Conditions without unknowns left must hold to this share of the size of their terms."""
+
+
+REDESIGN_ERROR = 1e-3
+"""Where a refusal names quadratic_redesign: output error, as a share of the motion, that weighs as much as the peak input."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +131,7 @@ def bounded_solution(
     CompatibilityError and BoundednessError where the conditions cannot all be met.
     """
     equations = inverse_problem(problem, splits, corrections).solve()
-    require_consistent(problem.plant, equations)
+    require_consistent(problem, splits, equations)
     return BoundedSolution(equations.trajectory(), equations)
 
 
@@ -215,16 +220,12 @@ def _same(a: Array, b: Array) -> bool:
     return a.shape == b.shape and bool(np.all(np.abs(a - b) <= SAME_ROW_TOLERANCE * np.maximum(np.abs(a), np.abs(b)).max()))
 
 
-def require_consistent(plant: SwitchedSystem, equations: TwoSidedSolution) -> None:
+def require_consistent(problem: PlanningProblem, splits: Sequence[SplitDynamics], equations: TwoSidedSolution) -> None:
     """Raises CompatibilityError or BoundednessError where conditions are left that the solution cannot meet."""
-    solution = equations.boundary
-    for k, (row, size) in enumerate(equations.open_checks):
+    plant, solution = problem.plant, equations.boundary
+    for k, (_, size) in enumerate(equations.open_checks):
         if size > CONSISTENCY_TOLERANCE:
-            raise CompatibilityError(
-                f"at the jump at t = {plant.switch_times[k]:.6g} s the outputs and derivatives of the new plant (condition "
-                f"{row + 1}) miss the wanted ones by {size:.1e} of their size whatever the internal state, so no bounded input "
-                "keeps the output exact through it; let the reference there take the value that the state before gives"
-            )
+            raise CompatibilityError(_missing_derivative(problem, splits[k + 1], equations.trajectory(), k, size))
     scale = max(equations.size, np.finfo(float).tiny)
     compatibility_rows = 0
     for k, miss in enumerate(solution.inconsistency[:-1]):
@@ -250,6 +251,47 @@ def require_consistent(plant: SwitchedSystem, equations: TwoSidedSolution) -> No
             f"{solution.inconsistency[-1] / scale:.1e} of the trajectory's size; change the reference, the last interval's "
             "parameters, or the output"
         )
+
+
+def _missing_derivative(problem: PlanningProblem, split: SplitDynamics, trajectory: Trajectory, k: int, share: float) -> str:
+    """The sentence for a jump at which the state before decides what a derivative of an output is after it, and decides otherwise.
+
+    Args:
+        problem: plant and reference.
+        split: internal dynamics of the interval after the jump.
+        trajectory: of the inverse, exact up to the jump.
+        k: number of the jump.
+        share: by how much of its size the condition fails that fails worst.
+    """
+    plant, reference, form = problem.plant, problem.deviation, split.internal.form
+    t, n = plant.switch_times[k], plant.n_states
+    at = int(np.searchsorted(reference.breakpoints, t))
+    before, after = reference.inner_times()[at : at + 2]
+    x = trajectory.at(t, before)[0, :n]
+    owners = [(i, order) for i, r in enumerate(form.orders) for order in range(r)]
+    found, terms = form.C_star @ x, np.abs(form.C_star) @ np.abs(x)
+    wanted, left = (np.array([reference(t, derivative=order, inside=side)[i] for i, order in owners]) for side in (after, before))
+    sizes = np.array([reference.size(order)[i] for i, order in owners])
+    missed = np.flatnonzero(np.abs(found - wanted) > CONSISTENCY_TOLERANCE * np.maximum(np.maximum(terms, sizes), np.abs(wanted)))
+    row = min(missed.tolist() or range(len(owners)), key=lambda row: owners[row][1])
+    i, order = owners[row]
+    times = np.linspace(reference.breakpoints[0], t, 100)
+    inputs = np.max(np.abs(trajectory.at(times, np.minimum(times, before))[:, n : n + plant.n_channels]), axis=0)
+    held = trajectory.after.held[n : n + plant.n_channels]
+    call = redesign_call(reference.size(0), inputs, held=held, error=REDESIGN_ERROR)
+    name = plant.outputs.names[i]
+    return (
+        f"at the jump at t = {t:.6g} s no continuous state keeps the output exact: {_derivative(order, name)} would jump from "
+        f"{left[row]:.4g} to {found[row]:.4g}, what the state before the jump makes of it, where the reference asks for "
+        f"{wanted[row]:.4g} (missed by {share:.1e} of the size of its terms, whatever the internal state); let the reference there "
+        f"take the value that the state before gives, or use {call} which gives up as little of the output as it must"
+    )
+
+
+def _derivative(order: int, name: str) -> str:
+    """A derivative of an output in words."""
+    words = ("output", "the first derivative of output", "the second derivative of output", "the third derivative of output")
+    return f"{words[order] if order < len(words) else f'the derivative of order {order} of output'} {name!r}"
 
 
 def invert(

@@ -99,7 +99,7 @@ def test_an_output_that_changes_with_nothing_left_to_choose() -> None:
 def test_a_new_gain_of_the_sensor_must_show_in_the_reference() -> None:
     """y = zeta, then y = 2 zeta: a reference that does not double cannot be met, one that does can."""
     model = SwitchedSystem([system(1.0), system(1.0, gain=2.0)], [1.5])
-    with pytest.raises(CompatibilityError, match=r"at the jump at t = 1.5 s the outputs and derivatives of the new plant"):
+    with pytest.raises(CompatibilityError, match=r"at the jump at t = 1.5 s .* output 'y1' would jump from 1 to 2, .* asks for 1 "):
         invert(model, RAMP)
     doubling = piecewise_polynomial([0.0, 1.0, 1.5, 2.5], [[0.0, 0.0, 3.0, -2.0], [1.0], [2.0, 0.0, -6.0, 4.0]])
     plan = invert(model, doubling)

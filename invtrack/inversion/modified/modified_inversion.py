@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, get_args
 
@@ -15,12 +15,14 @@ from numpy.typing import ArrayLike
 from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import InversionError, RelativeDegreeError
 from invtrack.inversion.exact import require_smooth
+from invtrack.inversion.modified.default_error_poles import default_error_poles
 from invtrack.inversion.modified.design import least_error_design, robust_design
 from invtrack.inversion.modified.design_problem import Candidate, DesignProblem
 from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_dynamics import equilibrium, has_equilibrium, undivided_dynamics
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named, require_movable
 from invtrack.inversion.modified.placement import MovablePart, movable_part
+from invtrack.inversion.redesign_call import redesign_call
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
@@ -32,6 +34,9 @@ Design = Literal["least error", "robust"]
 HELD_TOLERANCE = 1e-9
 """A held output counts as in equilibrium where what is left of the internal dynamics is below this share of its terms."""
 
+
+COSTLY = 10.0
+"""A plan whose error is this many times the wanted motion says so."""
 
 ERROR_SAMPLES = 4000
 """Points over the manoeuvre, and as many before and after it, at which the largest predicted error is looked for."""
@@ -140,7 +145,7 @@ def modified_inversion(
     model: Any,
     reference: PiecewiseSignal,
     *,
-    error_poles: Sequence[complex],
+    error_poles: Sequence[complex] | None = None,
     move: Mapping[complex, complex] | None = None,
     axis_distance: float | None = None,
     real_part: float | None = None,
@@ -158,7 +163,8 @@ def modified_inversion(
 
     Args:
         model, reference, tolerance, max_preactuation: as for `invert`.
-        error_poles: poles of e [rad/s], as many as the relative degrees add up to, output by output.
+        error_poles: poles of e [rad/s], as many as the relative degrees add up to, output by output; by default a Butterworth
+            pattern for each output, 1.25 times as fast as the fastest place to which a zero is moved (see `default_error_poles`).
         move: {zero: where it goes} [rad/s], zeros to four digits, conjugates implied.
         axis_distance, real_part: instead of `move`, all zeros with |Re| <= axis_distance get that real part [rad/s] (positive:
             still preactuation, but faster; negative: postactuation instead).
@@ -182,7 +188,8 @@ def modified_inversion(
     require_smooth(plant, splits, deviation)
     internals = [split.internal for split in splits]
     _require_relative_degree(plant, internals)
-    choices = _choices(plant, internals, wish, intervals_named(interval, len(plant)), error_poles)
+    duration = planning.manoeuvre[1] - planning.manoeuvre[0]
+    choices = _choices(plant, internals, wish, intervals_named(interval, len(plant)), error_poles, duration)
     _require_equilibrium(plant, internals, deviation)
     scale = _output_scale(output_scale, deviation)
     problem = DesignProblem(planning, internals, [c[0] for c in choices], [c[2] for c in choices], scale)
@@ -193,7 +200,7 @@ def modified_inversion(
             f"no zeros were moved: within {axis_distance:g} rad/s of the imaginary axis there are none that are not at "
             f"{real_part:g} already",
         )
-    return planning.plan(
+    plan = planning.plan(
         "modified inversion",
         solved.solution.trajectory,
         exact=False,
@@ -209,20 +216,52 @@ def modified_inversion(
         candidates=solved.candidates,
         output_scale=scale,
     )
+    costly = _costly(plan, _output_scale(None, deviation))
+    return replace(plan, remarks=(*plan.remarks, *costly)) if costly else plan
+
+
+def _costly(plan: ModifiedTrajectory, motion: Array) -> tuple[str, ...]:
+    """A remark where the error of some output is COSTLY times its wanted motion (p,), and what to do instead."""
+    times = plan.max_error / motion
+    if not np.max(times) > COSTLY:
+        return ()
+    worst, n, p = int(np.argmax(times)), plan.model.n_states, plan.model.n_channels
+    inputs = np.max(np.abs(np.array(plan.input_range) - plan.model.operating_point.u0), axis=0)
+    call = redesign_call(motion, inputs, held=plan.trajectory.after.held[n : n + p], error=1.0)
+    return (
+        f"output {plan.model.outputs.names[worst]!r} strays from its reference by {times[worst]:.3g} times the wanted motion: too "
+        f"much for a plan to follow; {call} weighs the error against the input instead of placing poles; "
+        "or move the zeros less far, or to the other side, or take a slower reference",
+    )
 
 
 def _choices(
-    plant: SwitchedSystem, internals: Sequence[InternalDynamics], wish: Wish, named: list[int], error_poles: Sequence[complex]
+    plant: SwitchedSystem,
+    internals: Sequence[InternalDynamics],
+    wish: Wish,
+    named: list[int],
+    error_poles: Sequence[complex] | None,
+    duration: float,
 ) -> list[tuple[MovablePart, ComplexArray, ComplexArray]]:
-    """Per interval: the part to place, all zeros where they go, and those that stay."""
+    """Per interval: the part to place, all zeros where they go, and those that stay.
+
+    Args:
+        plant: with its intervals.
+        internals: internal dynamics of each.
+        wish: which zeros go where.
+        named: in which intervals.
+        error_poles: poles of the outputs' errors [rad/s], or None for the default.
+        duration: of the manoeuvre [s].
+    """
     wish.require_known(np.concatenate([internals[k].zeros for k in named]))
+    stay = [(np.zeros(len(internal.zeros), dtype=bool), internal.zeros) for internal in internals]
+    wishes = [wish.targets(internal.zeros) if k in named else stay[k] for k, internal in enumerate(internals)]
+    places = np.concatenate([after[moved] for moved, after in wishes])
     choices = []
-    for k, (system, internal) in enumerate(zip(plant.systems, internals, strict=True)):
-        moved, after = np.zeros(len(internal.zeros), dtype=bool), internal.zeros
-        if k in named:
-            moved, after = wish.targets(internal.zeros)
+    for k, (system, internal, (moved, after)) in enumerate(zip(plant.systems, internals, wishes, strict=True)):
         require_movable(system, internal, moved, interval=k, endless=k in (0, len(plant) - 1))
-        choices.append((movable_part(internal, moved, after, error_poles), after, internal.zeros[~moved]))
+        poles = default_error_poles(internal.form.orders, places, duration) if error_poles is None else error_poles
+        choices.append((movable_part(internal, moved, after, poles), after, internal.zeros[~moved]))
     return choices
 
 

@@ -87,7 +87,7 @@ def integrator_chains(form: NormalForm) -> tuple[Array, Array]:
 
 
 def movable_part(
-    internal: InternalDynamics, moved: NDArray[np.bool_], targets: ComplexArray, error_poles: Sequence[complex]
+    internal: InternalDynamics, moved: NDArray[np.bool_], targets: ComplexArray, error_poles: Sequence[complex] | ComplexArray
 ) -> MovablePart:
     """The part to place, from an ordered real Schur form of A_eta'.
 
@@ -117,7 +117,7 @@ def movable_part(
     return MovablePart(M, B, Y, form.orders, wanted, targets[moved])
 
 
-def _poles(values: Sequence[complex]) -> ComplexArray | None:
+def _poles(values: Sequence[complex] | ComplexArray) -> ComplexArray | None:
     """Finite complex numbers (m,), or None for what is none."""
     try:
         poles = np.array(values, dtype=complex).reshape(-1)
