@@ -270,8 +270,11 @@ def _missing_derivative(problem: PlanningProblem, split: SplitDynamics, trajecto
     x = trajectory.at(t, before)[0, :n]
     owners = [(i, order) for i, r in enumerate(form.orders) for order in range(r)]
     found, terms = form.C_star @ x, np.abs(form.C_star) @ np.abs(x)
-    wanted, left = (np.array([reference(t, derivative=order, inside=side)[i] for i, order in owners]) for side in (after, before))
-    sizes = np.array([reference.size(order)[i] for i, order in owners])
+    wanted, left = (
+        form.zeta.rows(lambda order, side=side: reference(t, derivative=order, inside=side)[:, None])[:, 0]
+        for side in (after, before)
+    )
+    sizes = form.zeta.size(reference.size)
     missed = np.flatnonzero(np.abs(found - wanted) > CONSISTENCY_TOLERANCE * np.maximum(np.maximum(terms, sizes), np.abs(wanted)))
     row = min(missed.tolist() or range(len(owners)), key=lambda row: owners[row][1])
     i, order = owners[row]
@@ -279,9 +282,9 @@ def _missing_derivative(problem: PlanningProblem, split: SplitDynamics, trajecto
     inputs = np.max(np.abs(trajectory.at(times, np.minimum(times, before))[:, n : n + plant.n_channels]), axis=0)
     held = trajectory.after.held[n : n + plant.n_channels]
     call = redesign_call(reference.size(0), inputs, held=held, error=REDESIGN_ERROR)
-    name = plant.outputs.names[i]
+    name, less = plant.outputs.names[i], ", less multiples of others," if form.combined and order else ""
     return (
-        f"at the jump at t = {t:.6g} s no continuous state keeps the output exact: {_derivative(order, name)} would jump from "
+        f"at the jump at t = {t:.6g} s no continuous state keeps the output exact: {_derivative(order, name)}{less} would jump from "
         f"{left[row]:.4g} to {found[row]:.4g}, what the state before the jump makes of it, where the reference asks for "
         f"{wanted[row]:.4g} (missed by {share:.1e} of the size of its terms, whatever the internal state); let the reference there "
         f"take the value that the state before gives, or use {call} which gives up as little of the output as it must"
