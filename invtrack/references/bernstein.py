@@ -12,8 +12,8 @@ import numpy as np
 from invtrack.arrays import Array
 from invtrack.errors import TrajectoryError
 
-ONE_PIECE_DEGREE = 3
-"""Up to this degree the derivatives at one end tell a whole bounded polynomial, to within 100 roundings."""
+ONE_PIECE_DEGREE = 2
+"""Up to this degree the derivatives at one end tell a whole bounded polynomial, to within 20 roundings."""
 
 DEGREES_PER_PIECE = 2
 """One of higher degree gets a piece for so many degrees: whatever the degree, that costs less than a thousand roundings."""

@@ -34,7 +34,7 @@ def rest_to_rest(
     """The polynomial of lowest degree from `start` to `end` whose first `smoothness` derivatives vanish at both ends.
 
     The unit step of smoothness k has the slope (s (1 - s))^k (2 k + 1)! / k!^2, so its Bernstein coefficients are k + 1 zeros and
-    k + 1 ones. From smoothness 4 on it is cut into about k / 2 pieces, so that each derivative is good to 1e-12 of its peak.
+    k + 1 ones. From smoothness 3 on it is cut into about k / 2 pieces, so that each derivative is good to 1e-12 of its peak.
 
     Args:
         start, end: values (p,) or scalar, held before and after.
@@ -77,7 +77,7 @@ def piecewise_polynomial(
     "bernstein": sum over i of c_i C(d, i) s^i (1 - s)^(d - i), s = (t - t_j) / (t_(j+1) - t_j): a Bezier curve.
 
     A power series is as good as the sizes of its terms let it be: beyond degree 10 or so they are often much larger than their sum.
-    Bernstein coefficients are of the size of the values, whatever the degree; a piece of degree d >= 4 is cut into d / 2.
+    Bernstein coefficients are of the size of the values, whatever the degree; a piece of degree d >= 3 is cut into about d / 2.
 
     Args:
         breakpoints: t_0 ... t_m (m + 1,) [s].

@@ -40,7 +40,7 @@ def test_rest_and_continuity_of_rest_to_rest_motions(smoothness: int) -> None:
     report = reference_report(rest_to_rest(0.0, 2.0, 3.0, smoothness=smoothness), highest=3)
     assert report.continuous == (min(smoothness, 3) + 1,)
     assert report.rest == ((min(smoothness, 3),) * 2,)
-    assert report.pieces == (1 if smoothness < 4 else 2)
+    assert report.pieces == (1 if smoothness < 3 else 2)
     assert report.span == (0.0, 3.0)
     assert np.all(np.isnan(report.roughness))  # too few pieces to judge by their neighbours
 
