@@ -129,7 +129,7 @@ def constrained_redesign(
     free = free_optimum(model, reference, R=R, Q_x=Q_x, Q_y=Q_y, tolerance=tolerance, max_preactuation=max_preactuation)
     problem = LimitedProblem(free, bounds_of(limits, free.problem.plant))
     _require_rest_within(problem.tails, problem.bounds)
-    if free_excess(problem) <= KEPT:
+    if not free_excess(problem) > KEPT:  # what is no number is refused by the certificate
         remark = "no limit is active: this is the optimum without limits"
         return free.problem.plan(
             METHOD, free.trajectory, exact=False, remarks=(remark,), kind=ConstrainedTrajectory, limits=problem.bounds

@@ -29,11 +29,21 @@ class StateLimit:
 
     row: weights by state names (or one per state), of the states as deviations from the operating point. limit: a positive number
     for +-limit, or a tuple (low, high), in the units of the combination. name: what messages call it.
+
+    Raises RedesignError for what is no name, and for weights and limits that are not numbers.
     """
 
     name: str
     row: StateRow
     limit: float | tuple[float, float]
+
+    def __post_init__(self) -> None:
+        """Checks everything that does not need a model."""
+        if not isinstance(self.name, str) or not self.name:
+            raise RedesignError(f"StateLimit(name=...) must be a text, by which messages call the limit, got {self.name!r}")
+        weights = list(self.row.values()) if isinstance(self.row, Mapping) else self.row
+        real_numbers(f"the weights of {self.name!r}", weights, error=RedesignError)
+        _require_range(self.name, self.limit)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,12 +53,27 @@ class Limits:
     input: absolute, in the units of the inputs (of an actuator: what it can deliver, trim included). input_rate: of its change per
     second; with it the input does not jump either. output: absolute, of the planned output. Each is a number or an array-like with
     one per channel for +-that, or a tuple (low, high) of two such. states: limits on combinations of states, as deviations.
+
+    Raises RedesignError for limits that are not numbers, and states limits that are none or share a name.
     """
 
     input: Range = np.inf
     input_rate: Range = np.inf
     output: Range = np.inf
     states: Sequence[StateLimit] = ()
+
+    def __post_init__(self) -> None:
+        """Checks everything that does not need a model."""
+        for name in ("input", "input_rate", "output"):
+            _require_range(name, getattr(self, name))
+        if not isinstance(self.states, Sequence) or not all(isinstance(each, StateLimit) for each in self.states):
+            raise RedesignError(
+                "Limits(states=...) must be a list of StateLimits such as "
+                f"[invtrack.StateLimit('twist', {{'th1': 1.0, 'th2': -1.0}}, 0.1)], got {self.states!r}"
+            )
+        names = [each.name for each in self.states]
+        if len(set(names)) != len(names):
+            raise RedesignError(f"each StateLimit needs a name of its own, which messages call it by, got {names}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +115,11 @@ class Bound:
 def bounds_of(limits: Limits, plant: SwitchedSystem) -> tuple[Bound, ...]:
     """The limits as rows of [x; u; y], those that are infinite left out.
 
-    Raises RedesignError for what is no Limits, for limits that are not numbers, of the wrong shape, not positive or with
-    low >= high, for names of states that the model does not have, and where nothing is limited at all.
+    Raises RedesignError for what is no Limits, for limits of the wrong shape, not positive or with low >= high, for names of states
+    that the model does not have, and where nothing is limited at all.
     """
-    _require_stated_as_limits(limits)
+    if not isinstance(limits, Limits):
+        raise RedesignError(f"expected limits such as invtrack.Limits(input=5.0), got {limits!r}")
     n, p, point = plant.n_states, plant.n_channels, plant.operating_point
     kinds: tuple[tuple[Kind, str, Range, Channels, int, Array], ...] = (
         ("input", "input", limits.input, plant.inputs, n, point.u0),
@@ -126,21 +152,6 @@ def bounds_of(limits: Limits, plant: SwitchedSystem) -> tuple[Bound, ...]:
     return finite
 
 
-def _require_stated_as_limits(limits: object) -> None:
-    """Raises RedesignError for anything but Limits whose `states` are StateLimits of distinct names."""
-    if not isinstance(limits, Limits):
-        raise RedesignError(f"expected limits such as invtrack.Limits(input=5.0), got {limits!r}")
-    states = limits.states
-    if not isinstance(states, Sequence) or not all(isinstance(each, StateLimit) for each in states):
-        raise RedesignError(
-            "Limits(states=...) must be a list of StateLimits such as "
-            f"[invtrack.StateLimit('twist', {{'th1': 1.0, 'th2': -1.0}}, 0.1)], got {states!r}"
-        )
-    names = [each.name for each in states]
-    if not all(isinstance(name, str) and name for name in names) or len(set(names)) != len(names):
-        raise RedesignError(f"each StateLimit needs a name of its own, which messages call it by, got {names}")
-
-
 def _state_bound(limit: StateLimit, plant: SwitchedSystem) -> Bound:
     row = np.append(state_row(limit.name, limit.row, plant), np.zeros(2 * plant.n_channels))
     low, high = _sides(limit.name, limit.limit, 1, "combination of states")
@@ -152,8 +163,6 @@ def _state_bound(limit: StateLimit, plant: SwitchedSystem) -> Bound:
 def _sides(name: str, value: Range, size: int, meaning: str) -> tuple[Array, Array]:
     """Lowest and highest value of each channel, both (size,)."""
     pair = isinstance(value, tuple)
-    if isinstance(value, tuple) and len(value) != 2:
-        raise RedesignError(f"limit {name!r}: expected a tuple (low, high) of two, got {len(value)} entries")
     low, high = (_channels(name, side, size, meaning) for side in (value if isinstance(value, tuple) else (value, value)))
     if not pair:
         low = -high
@@ -165,12 +174,20 @@ def _sides(name: str, value: Range, size: int, meaning: str) -> tuple[Array, Arr
 
 
 def _channels(name: str, value: ArrayLike, size: int, meaning: str) -> Array:
-    array = real_numbers(f"limit {name!r}", value, error=RedesignError)
+    array = np.asarray(value, dtype=float)
     if array.shape not in ((), (size,)):
         raise RedesignError(f"limit {name!r}: expected a number or {size} for the {meaning}, got shape {array.shape}")
-    if np.any(np.isnan(array)):
-        raise RedesignError(f"limit {name!r} has entries that are not numbers: {array.tolist()}")
     return np.asarray(array * np.ones(size))
+
+
+def _require_range(name: str, value: Range) -> None:
+    """Raises RedesignError for what is neither real numbers nor a tuple (low, high) of two such, and for NaN among them."""
+    if isinstance(value, tuple) and len(value) != 2:
+        raise RedesignError(f"limit {name!r}: expected a tuple (low, high) of two, got {len(value)} entries")
+    for side in value if isinstance(value, tuple) else (value,):
+        array = real_numbers(f"limit {name!r}", side, error=RedesignError)
+        if np.any(np.isnan(array)):
+            raise RedesignError(f"limit {name!r} has entries that are not numbers: {array.tolist()}")
 
 
 def state_row(name: str, row: StateRow, plant: SwitchedSystem) -> Array:

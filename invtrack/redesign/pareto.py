@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -72,7 +73,7 @@ class TradeOff:
     def values(self, figure: str) -> Array:
         """One figure of all outcomes, (m,). Raises RedesignError for an unknown one."""
         known = self.outcomes[0].figures
-        if figure not in list(known):
+        if not isinstance(figure, str) or figure not in known:
             raise RedesignError(f"no figure named {figure!r}; there are: {', '.join(known)}")
         return np.array([outcome.figures[figure] for outcome in self.outcomes])
 
@@ -130,8 +131,8 @@ def pareto_sweep(
     rows = _rows(quantities, plant)
     if exact is not None:
         _require_plan(exact, "exact must be a plan such as invtrack.invert(model, reference)")
-    if not callable(method):
-        raise RedesignError(f"method must be a function such as invtrack.quadratic_redesign, got {method!r}")
+    for point in points:
+        _require_callable(method, {**point, **options})
     plans = tuple(method(plant, reference, **point, **options) for point in points)
     for plan in plans:
         _require_plan(plan, "method must return plans, as invtrack.quadratic_redesign does")
@@ -166,7 +167,8 @@ def outcome(plan: Plan, quantities: Mapping[str, StateRow] | None = None) -> Out
 
 def _points(weights: object) -> tuple[Mapping[str, Any], ...]:
     """The weights of each point. Raises RedesignError for what is no list of mappings with the weights' names, or an empty one."""
-    points = () if isinstance(weights, (str, Mapping)) or not isinstance(weights, Iterable) else tuple(weights)
+    no_list = isinstance(weights, (str, Mapping)) or (isinstance(weights, np.ndarray) and weights.ndim == 0)
+    points: tuple[Any, ...] = tuple(weights) if isinstance(weights, Iterable) and not no_list else ()
     if not points or not all(isinstance(point, Mapping) and {"R", "Q_y"} <= set(point) <= WEIGHTS for point in points):
         got = [list(point) if isinstance(point, Mapping) else point for point in points] if points else weights
         raise RedesignError(f"expected a list with, for each point, a mapping with R, Q_y and, if wanted, Q_x; got {got!r}")
@@ -180,6 +182,22 @@ def _rows(quantities: object, plant: SwitchedSystem) -> dict[str, Array]:
     if not isinstance(quantities, Mapping) or not all(isinstance(name, str) and name for name in quantities):
         raise RedesignError(f"quantities must be a mapping such as {{'twist': {{'th1': 1.0, 'th2': -1.0}}}}, got {quantities!r}")
     return {name: state_row(name, row, plant) for name, row in quantities.items()}
+
+
+def _require_callable(method: object, options: Mapping[str, Any]) -> None:
+    """Raises RedesignError for what cannot be called as method(model, reference, **options)."""
+    try:
+        if callable(method):
+            inspect.signature(method).bind(None, None, **options)
+            return
+        reason = "it is no function"
+    except (TypeError, ValueError) as refusal:  # other arguments, or a builtin that does not say which it takes
+        reason = str(refusal)
+    given = ", ".join(f"{name}=..." for name in options)
+    raise RedesignError(
+        f"method must be a function such as invtrack.quadratic_redesign, called as method(model, reference, {given}), "
+        f"got {method!r}: {reason}"
+    )
 
 
 def _require_plan(plan: object, expected: str) -> None:

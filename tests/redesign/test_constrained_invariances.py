@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -168,34 +169,37 @@ def test_limited_preactuation_is_remarked() -> None:
 @pytest.mark.parametrize(
     ("limits", "message"),
     [
-        (Limits(), "at least one finite limit, got none.*quadratic_redesign"),
-        (Limits(input=np.inf), "at least one finite limit"),
-        (Limits(input=0.0), r"limit 'input': expected positive numbers, got \[0\.0\]"),
-        (Limits(input=-1.0), "expected positive numbers"),
-        (Limits(input=np.nan), "entries that are not numbers"),
-        (Limits(input="strong"), "limit 'input' must be real numbers, got 'strong'"),
-        (Limits(input=[1.0, 2.0]), r"expected a number or 1 for the inputs \['u1'\], got shape \(2,\)"),
-        (Limits(output=(1.0, -1.0)), r"expected each low below its high, got low \[1\.0\], high \[-1\.0\]"),
-        (Limits(input_rate=(-1.0, 0.0, 1.0)), r"a tuple \(low, high\) of two, got 3"),
+        (lambda: Limits(), "at least one finite limit, got none.*quadratic_redesign"),
+        (lambda: Limits(input=np.inf), "at least one finite limit"),
+        (lambda: Limits(input=0.0), r"limit 'input': expected positive numbers, got \[0\.0\]"),
+        (lambda: Limits(input=-1.0), "expected positive numbers"),
+        (lambda: Limits(input=np.nan), "entries that are not numbers"),
+        (lambda: Limits(input="strong"), "limit 'input' must be real numbers, got 'strong'"),
+        (lambda: Limits(input=[1.0, 2.0]), r"expected a number or 1 for the inputs \['u1'\], got shape \(2,\)"),
+        (lambda: Limits(output=(1.0, -1.0)), r"expected each low below its high, got low \[1\.0\], high \[-1\.0\]"),
+        (lambda: Limits(input_rate=(-1.0, 0.0, 1.0)), r"a tuple \(low, high\) of two, got 3"),
         (
-            Limits(states=[StateLimit("twist", {"th1": 1.0}, 1.0)]),
+            lambda: Limits(states=[StateLimit("twist", {"th1": 1.0}, 1.0)]),
             r"of the states \['x1', 'x2', 'x3'\].*\['th1'\] are unknown",
         ),
-        (Limits(states=[StateLimit("none", {}, 1.0)]), "expected weights of some of the states"),
-        (Limits(states=[StateLimit("zero", {"x1": 0.0}, 1.0)]), "weights of 'zero' must not all be zero"),
-        (Limits(states=[StateLimit("twist", {"x1": 1.0}, 0.0)]), "limit 'twist': expected positive numbers"),
+        (lambda: Limits(states=[StateLimit("none", {}, 1.0)]), "expected weights of some of the states"),
+        (lambda: Limits(states=[StateLimit("zero", {"x1": 0.0}, 1.0)]), "weights of 'zero' must not all be zero"),
+        (lambda: Limits(states=[StateLimit("twist", {"x1": 1.0}, 0.0)]), "limit 'twist': expected positive numbers"),
         (
-            Limits(input=(0.5, 1.0)),
+            lambda: Limits(input=(0.5, 1.0)),
             r"before the manoeuvre input 'u1' is 0, expected .*0\.5 and 1 \(off by 0\.5\)",
         ),
-        (Limits(input=(0.0, 1.0)), "expected strictly between its limits 0 and 1"),
-        (Limits(input_rate=(0.1, 1.0)), "rate of input 'u1' is 0, expected strictly between"),
-        (Limits(states=[StateLimit("apart", {"x1": 1.0}, (0.2, 0.4))]), r"'apart' is 0, expected strictly between .*0\.2 and 0\.4"),
+        (lambda: Limits(input=(0.0, 1.0)), "expected strictly between its limits 0 and 1"),
+        (lambda: Limits(input_rate=(0.1, 1.0)), "rate of input 'u1' is 0, expected strictly between"),
+        (
+            lambda: Limits(states=[StateLimit("apart", {"x1": 1.0}, (0.2, 0.4))]),
+            r"'apart' is 0, expected strictly between .*0\.2 and 0\.4",
+        ),
     ],
 )
-def test_limits_that_make_no_sense(limits: Limits, message: str) -> None:
+def test_limits_that_make_no_sense(limits: Callable[[], Limits], message: str) -> None:
     with pytest.raises(RedesignError, match=message):
-        limited(limits=limits)
+        limited(limits=limits())
 
 
 def test_a_held_value_outside_a_limit() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -239,31 +240,31 @@ def test_text() -> None:
 @pytest.mark.parametrize(
     ("limits", "message"),
     [
-        (None, r"expected limits such as invtrack\.Limits\(input=5\.0\), got None"),
-        ({"input": 1.0}, r"expected limits such as .* got \{'input': 1\.0\}"),
-        (Limits, "expected limits such as"),
-        ([Limits(input=1.0)], "expected limits such as"),
-        (Limits(states="twist"), r"must be a list of StateLimits such as .* got 'twist'"),
-        (Limits(states=None), r"must be a list of StateLimits such as .* got None"),  # type: ignore[arg-type]
-        (Limits(states={"twist": 1.0}), "must be a list of StateLimits"),  # type: ignore[arg-type]
-        (Limits(states=StateLimit("a", {"x1": 1.0}, 1.0)), "must be a list of StateLimits"),  # type: ignore[arg-type]
-        (Limits(states=[("a", {"x1": 1.0}, 1.0)]), "must be a list of StateLimits"),  # type: ignore[list-item]
-        (Limits(states=[StateLimit("a", {"x1": 1.0}, 1.0)] * 2), r"needs a name of its own, .* got \['a', 'a'\]"),
-        (Limits(states=[StateLimit(None, {"x1": 1.0}, 1.0)]), "needs a name of its own"),  # type: ignore[arg-type]
-        (Limits(states=[StateLimit("a", {1: 1.0}, 1.0)]), r"of which \[1\] are unknown"),  # type: ignore[dict-item]
-        (Limits(states=[StateLimit("a", {"x1": "b"}, 1.0)]), "weights of 'a' must be real numbers"),  # type: ignore[dict-item]
-        (Limits(states=[StateLimit("a", {"x1": np.nan}, 1.0)]), "weights of 'a' must be finite"),
-        (Limits(states=[StateLimit("a", [1.0, 2.0], 1.0)]), "weights of 'a' must be finite, one number for each of"),
-        (Limits(states=[StateLimit("a", {"x1": 1.0}, None)]), "limit 'a' must be real numbers"),  # type: ignore[arg-type]
-        (Limits(states=[StateLimit("a", {"x1": 1.0}, (1.0,))]), r"expected a tuple \(low, high\) of two"),  # type: ignore[arg-type]
-        (Limits(input=None), "limit 'input' must be real numbers"),  # type: ignore[arg-type]
-        (Limits(input=1j), "limit 'input' must be real numbers"),
-        (Limits(input=(None, 1.0)), "limit 'input' must be real numbers"),  # type: ignore[arg-type]
-        (Limits(input={"u1": 1.0}), "limit 'input' must be real numbers"),  # type: ignore[arg-type]
-        (Limits(output=(np.nan, 1.0)), "limit 'output' has entries that are not numbers"),
-        (Limits(input_rate=[[1.0]]), r"expected a number or 1 for the inputs .* got shape \(1, 1\)"),
+        (lambda: None, r"expected limits such as invtrack\.Limits\(input=5\.0\), got None"),
+        (lambda: {"input": 1.0}, r"expected limits such as .* got \{'input': 1\.0\}"),
+        (lambda: Limits, "expected limits such as"),
+        (lambda: [Limits(input=1.0)], "expected limits such as"),
+        (lambda: Limits(states="twist"), r"must be a list of StateLimits such as .* got 'twist'"),
+        (lambda: Limits(states=None), "must be a list of StateLimits"),  # type: ignore[arg-type]
+        (lambda: Limits(states={"twist": 1.0}), "must be a list of StateLimits"),  # type: ignore[arg-type]
+        (lambda: Limits(states=StateLimit("a", {"x1": 1.0}, 1.0)), "must be a list of StateLimits"),  # type: ignore[arg-type]
+        (lambda: Limits(states=[("a", {"x1": 1.0}, 1.0)]), "must be a list of StateLimits"),  # type: ignore[list-item]
+        (lambda: Limits(states=[StateLimit("a", {"x1": 1.0}, 1.0)] * 2), r"needs a name of its own, .* got \['a', 'a'\]"),
+        (lambda: Limits(states=[StateLimit(None, {"x1": 1.0}, 1.0)]), "must be a text, by which messages call the limit, got None"),  # type: ignore[arg-type]
+        (lambda: Limits(states=[StateLimit("a", {1: 1.0}, 1.0)]), r"of which \[1\] are unknown"),  # type: ignore[dict-item]
+        (lambda: Limits(states=[StateLimit("a", {"x1": "b"}, 1.0)]), "weights of 'a' must be real numbers"),  # type: ignore[dict-item]
+        (lambda: Limits(states=[StateLimit("a", {"x1": np.nan}, 1.0)]), "weights of 'a' must be finite"),
+        (lambda: Limits(states=[StateLimit("a", [1.0, 2.0], 1.0)]), "weights of 'a' must be finite, one number for each of"),
+        (lambda: Limits(states=[StateLimit("a", {"x1": 1.0}, None)]), "limit 'a' must be real numbers"),  # type: ignore[arg-type]
+        (lambda: Limits(states=[StateLimit("a", {"x1": 1.0}, (1.0,))]), r"expected a tuple \(low, high\) of two"),  # type: ignore[arg-type]
+        (lambda: Limits(input=None), "limit 'input' must be real numbers"),  # type: ignore[arg-type]
+        (lambda: Limits(input=1j), "limit 'input' must be real numbers"),
+        (lambda: Limits(input=(None, 1.0)), "limit 'input' must be real numbers"),  # type: ignore[arg-type]
+        (lambda: Limits(input={"u1": 1.0}), "limit 'input' must be real numbers"),  # type: ignore[arg-type]
+        (lambda: Limits(output=(np.nan, 1.0)), "limit 'output' has entries that are not numbers"),
+        (lambda: Limits(input_rate=[[1.0]]), r"expected a number or 1 for the inputs .* got shape \(1, 1\)"),
     ],
 )
-def test_what_is_no_limit(limits: Any, message: str) -> None:
+def test_what_is_no_limit(limits: Callable[[], Any], message: str) -> None:
     with pytest.raises(RedesignError, match=message):
-        constrained_redesign(NONMINIMUM, there_and_back(), limits=limits, **WEIGHTS)
+        constrained_redesign(NONMINIMUM, there_and_back(), limits=limits(), **WEIGHTS)

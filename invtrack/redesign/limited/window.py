@@ -102,13 +102,13 @@ class LimitedSolution:
 
 
 def free_excess(problem: LimitedProblem) -> float:
-    """Largest excess of a limit by the optimum without limits, as a share of the limit's size."""
+    """Largest excess of a limit by the optimum without limits, as a share of the limit's size; NaN where that is no number."""
     per_piece = max(65, SAMPLES // (len(problem.free.trajectory.breakpoints)) + 1)
     nodes = (1 - np.cos(np.linspace(0.0, np.pi, per_piece))) / 2  # both sides of a jump included
     tails = [tail_excess(tail, problem.bounds) for tail in problem.tails]
     values = values_between(problem.free.trajectory, problem.bounds, nodes)
     inner = [float(np.max(bound.excess(value))) for bound, value in zip(problem.bounds, values, strict=True)]
-    return max(*inner, *(float(np.max(excess)) for excess in tails))
+    return float(np.max([*inner, *(np.max(excess) for excess in tails)]))
 
 
 def solve_limited(problem: LimitedProblem, step: float | None) -> LimitedSolution:
