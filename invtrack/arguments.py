@@ -72,8 +72,8 @@ def by_name(name: str, value: object, *, expected: str, error: Refusal) -> Mappi
 
 
 def file_path(value: object) -> Path:
-    """The path of a file or folder; raises FileError for what is none."""
-    if not isinstance(value, (str, Path)) or not str(value).strip():
+    """The path of a file; raises FileError for what is none, or has no name."""
+    if not isinstance(value, (str, Path)) or not str(value).strip() or not Path(value).name:
         raise FileError(f"expected the path of a file, such as 'runs/plan.csv', got {shown(value)}")
     return Path(value)
 

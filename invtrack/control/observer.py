@@ -12,7 +12,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import instance, shown
-from invtrack.arrays import Array, real_numbers, real_vector, require_duration, stable_poles
+from invtrack.arrays import Array, complex_numbers, real_numbers, real_vector, require_duration, stable_poles
 from invtrack.channels import Channels
 from invtrack.control.gains import placed_gain
 from invtrack.control.protocol import Instants, Segments, numbered
@@ -43,7 +43,8 @@ class LuenbergerObserver:
     poles: Sequence[complex]
 
     def __post_init__(self) -> None:
-        stable_poles("observer poles", self.poles, np.size(self.poles), error=ControlError)
+        poles = complex_numbers("observer poles", self.poles, error=ControlError)
+        stable_poles("observer poles", poles, poles.size, error=ControlError)
 
     def gain(self, system: StateSpace, period: float) -> Array:
         """M (n, m) with eig(A_d - M C_m A_d) = exp(poles period). Raises ControlError where the poles cannot be placed."""

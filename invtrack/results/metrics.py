@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.arguments import one_of, texts
-from invtrack.arrays import Array, real_number, real_numbers, real_weight, require_share
+from invtrack.arrays import Array, finite_number, real_number, real_numbers, real_weight, require_share
 from invtrack.errors import InvtrackError
 from invtrack.plans.plan import Plan
 from invtrack.plans.preactuation import plan_preactuation_time
@@ -154,7 +154,7 @@ def _finite(result: RunResult, values: Array) -> Array:
 def _window_after(result: RunResult, periods: float, duration: float | None) -> NDArray[np.bool_]:
     """Which samples lie in the window after the manoeuvre, (N + 1,)."""
     require_run(result)
-    periods = real_number("periods", periods, error=InvtrackError)
+    periods = finite_number("periods", periods, error=InvtrackError)
     duration = None if duration is None else real_number("duration", duration, unit="s", error=InvtrackError)
     if result.status == "diverged":
         raise InvtrackError(f"run {result.name!r} diverged ({result.message}), so its residual vibration is not defined")

@@ -133,7 +133,8 @@ class RunResult:
         changes = np.flatnonzero(np.any(np.diff(self.parameters.values, axis=0) != 0, axis=1)) + 1
         events = np.searchsorted(self.time, [event.time for event in self.events])
         marked = np.concatenate([changes, events, [len(self.time) - 1]])
-        kept = np.unique(np.concatenate([np.arange(0, len(self.time), every), marked, np.maximum(marked - 1, 0)]))
+        regular = np.arange(0, len(self.time), min(every, len(self.time)))
+        kept = np.unique(np.concatenate([regular, marked, np.maximum(marked - 1, 0)]))
         steps = kept[:-1]
 
         def part(signal: Signal) -> Signal:

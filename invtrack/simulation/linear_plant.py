@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from invtrack.arguments import require_text
 from invtrack.arrays import Array, real_numbers
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
@@ -28,7 +29,7 @@ class LinearPlant:
 
     def __init__(self, model: Any, *, input_limits: ArrayLike | None = None, name: str = "linear model") -> None:
         self.model = as_switched(model)
-        self.name = name
+        self.name = require_text("name", name, error=SimulationError)
         p = self.model.n_channels
         given = [[-np.inf, np.inf]] * p if input_limits is None else input_limits
         limits = real_numbers("input_limits", given, error=SimulationError)

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from invtrack.arguments import instance, texts
 from invtrack.arrays import real_number
 from invtrack.errors import SimulationError
 
@@ -69,6 +70,9 @@ class StudyOptions:
     def __post_init__(self) -> None:
         if not 0 < real_number("--timestep", self.timestep, unit="s", error=SimulationError) < math.inf:
             raise SimulationError(f"--timestep: expected a positive, finite number of seconds such as 1e-3, got {self.timestep}")
+        if self.out is not None:
+            instance("--out", self.out, Path, expected="the path of a folder", error=SimulationError)
+        texts("--case", self.case, expected="a list of names of cases", error=SimulationError)
         for flag, value, lowest in (("--seed", self.seed, 0), ("--record-every", self.record_every, 1)):
             if isinstance(value, bool) or not isinstance(value, int) or value < lowest:
                 raise SimulationError(f"{flag}: expected a whole number from {lowest} on, got {value}")

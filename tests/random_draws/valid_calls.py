@@ -315,6 +315,7 @@ def _calls() -> dict[str, Call]:
             name="run",
             progress=None,
             callbacks=("progress",),
+            takes=("discrete system",),
         ),
         # results
         "max_error": call(invtrack.max_error, result=run, wanted="reference"),
@@ -346,6 +347,7 @@ def _calls() -> dict[str, Call]:
         "plan_figure": call(figures.plan_figure, plans=plan, states=["x1"], window=(0.0, 1.0)),
         "sweep_figure": call(
             figures.sweep_figure,
+            takes=("NaN vector",),
             title="a",
             label="p",
             values=[1.0, 2.0],

@@ -139,10 +139,10 @@ def test_callback_is_cleared_after_an_exception(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"timestep": -1e-3}, "time step must be a positive number"),
+        ({"timestep": -1e-3}, "timestep must be a positive number"),
         ({"start": 2.0, "end": 1.0}, "must end after it starts"),
         ({"evaluate": "end"}, "evaluate must be"),
-        ({"initial_state": [0.0]}, r"expected \(2,\): slide \[m\], slide velocity \[m/s\]"),
+        ({"initial_state": [0.0]}, r"\(2,\): slide \[m\], slide velocity \[m/s\]; got shape"),
         ({"schedule": [invtrack.Change(0.5, masse=1.0)]}, "the plant's are: mass"),
         ({"schedule": [invtrack.Change(0.5, mass=1.0), invtrack.Change(0.5, mass=2.0)]}, "two changes at"),
     ],
@@ -170,7 +170,7 @@ def test_a_plan_for_another_plant_is_refused(tmp_path: Path) -> None:
         invtrack.simulate(moved, invtrack.TrackingController(plan(plant)))
 
 
-@pytest.mark.parametrize(("time", "values", "message"), [(np.nan, {"m": 1.0}, "finite time"), (1.0, {}, "names no parameter")])
+@pytest.mark.parametrize(("time", "values", "message"), [(np.nan, {"m": 1.0}, "a finite number"), (1.0, {}, "names no parameter")])
 def test_bad_changes_are_refused(time: float, values: dict[str, float], message: str) -> None:
     with pytest.raises(SimulationError, match=message):
         invtrack.Change(time, **values)
