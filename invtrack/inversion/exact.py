@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -270,10 +271,7 @@ def _missing_derivative(problem: PlanningProblem, split: SplitDynamics, trajecto
     x = trajectory.at(t, before)[0, :n]
     owners = [(i, order) for i, r in enumerate(form.orders) for order in range(r)]
     found, terms = form.C_star @ x, np.abs(form.C_star) @ np.abs(x)
-    wanted, left = (
-        form.zeta.rows(lambda order, side=side: reference(t, derivative=order, inside=side)[:, None])[:, 0]
-        for side in (after, before)
-    )
+    wanted, left = (form.zeta.rows(partial(_columns, reference, t, inside=side))[:, 0] for side in (after, before))
     sizes = form.zeta.size(reference.size)
     missed = np.flatnonzero(np.abs(found - wanted) > CONSISTENCY_TOLERANCE * np.maximum(np.maximum(terms, sizes), np.abs(wanted)))
     row = min(missed.tolist() or range(len(owners)), key=lambda row: owners[row][1])
@@ -284,11 +282,16 @@ def _missing_derivative(problem: PlanningProblem, split: SplitDynamics, trajecto
     call = redesign_call(reference.size(0), inputs, held=held, error=REDESIGN_ERROR)
     name, less = plant.outputs.names[i], ", less multiples of others," if form.combined and order else ""
     return (
-        f"at the jump at t = {t:.6g} s no continuous state keeps the output exact: {_derivative(order, name)}{less} would jump from "
-        f"{left[row]:.4g} to {found[row]:.4g}, what the state before the jump makes of it, where the reference asks for "
+        f"at the jump at t = {t:.6g} s no continuous state keeps the output exact: {_derivative(order, name)}{less} would jump "
+        f"from {left[row]:.4g} to {found[row]:.4g}, what the state before the jump makes of it, where the reference asks for "
         f"{wanted[row]:.4g} (missed by {share:.1e} of the size of its terms, whatever the internal state); let the reference there "
         f"take the value that the state before gives, or use {call} which gives up as little of the output as it must"
     )
+
+
+def _columns(reference: PiecewiseSignal, t: float, order: int, *, inside: float) -> Array:
+    """A derivative of the reference at a time within the piece that holds `inside`, as a column (p, 1)."""
+    return np.asarray(reference(t, derivative=order, inside=inside))[:, None]
 
 
 def _derivative(order: int, name: str) -> str:
