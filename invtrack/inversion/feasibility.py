@@ -21,8 +21,7 @@ from invtrack.inversion.axis_zeros import split_interval
 from invtrack.inversion.exact import inverse_problem, invert
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
 from invtrack.linear.internal_dynamics import SplitDynamics
-from invtrack.linear.normal_form import NormalForm, couplings
-from invtrack.linear.scaling import balancing_scale
+from invtrack.linear.normal_form import NormalForm
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.linear.zeros import ZeroReport, zero_report
@@ -116,9 +115,8 @@ def _jump(
     if left is not None and right is not None:
         forms = [left.internal.form, right.internal.form]
         same = _same_outputs(*forms)
-        sides = zip(plant.systems[k : k + 2], forms, strict=True)
-        together = np.sum([couplings(system, form.A_x, form.B_y) for system, form in sides], axis=0)
-        scale = balancing_scale(together)[:, None]  # angles must not depend on units
+        # Angles must not depend on units.
+        scale = np.exp2(np.mean([np.log2(form.units) for form in forms], axis=0))[:, None]
         V_l, V_r = forms[0].V / scale, forms[1].V / scale
         angles = _angle(V_l, V_r), _angle(V_l @ left.W_s, V_r @ right.W_s), _angle(V_l @ left.W_u, V_r @ right.W_u)
     rows, fixed_miss, miss = None, None, None

@@ -9,8 +9,8 @@ import scipy  # loads scipy.optimize at its first use
 import scipy.linalg
 
 from invtrack.arrays import Array, ComplexArray
-from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace
+from invtrack.linear.state_units import plant_units
 
 ZeroKind = Literal["transmission zero", "uncontrollable mode", "unobservable mode", "uncontrollable and unobservable mode"]
 """Transmission zeros act on the transfer function; the others are decoupling zeros: input, output, input-output (Rosenbrock)."""
@@ -20,9 +20,6 @@ COUPLING_TOLERANCE = 1e-10
 
 ERROR_GROWTH = 10.0
 """How much larger than the errors of the model's entries the couplings may be that they cause: each step passes errors on."""
-
-LARGEST_EXPONENT = 1000.0
-"""Bound on log2 of a feedback gain, close to what numbers hold."""
 
 SHARED_TOLERANCE = 1e-7
 """An uncontrollable and an unobservable subspace share modes where the cosine between them is above this."""
@@ -46,7 +43,7 @@ def zero_kinds(system: StateSpace, zeros: ComplexArray) -> tuple[ZeroKind, ...]:
 
 def hidden_modes(system: StateSpace) -> list[tuple[complex, ZeroKind]]:
     """The eigenvalues of A that belong to modes which no input moves or no output shows, each as often as it is hidden."""
-    scale = _plant_scale(system)
+    scale = plant_units(system)
     A = system.A * scale / scale[:, None]
     unreached, unseen = _hidden_subspaces(system, scale)
     # w' x with w in `unreached` obeys a system of its own, and so do states within `unseen`; where both meet, modes are shared.
@@ -59,53 +56,6 @@ def hidden_modes(system: StateSpace) -> list[tuple[complex, ZeroKind]]:
         (right, "unobservable mode"),
     ]
     return [(complex(value), kind) for basis, kind in blocks for value in np.linalg.eigvals(basis.T @ A @ basis)]
-
-
-def _plant_scale(system: StateSpace) -> Array:
-    """Scales d (n,) that balance A together with B and C, whatever the units of states, inputs, outputs and time.
-
-    A alone may fall apart into parts without a common scale: each output is fed back to each input with the gain with which the
-    strongest loop through both is as fast as a pace. Which one is no property of the plant: a hovering vehicle's drag is far slower
-    than what its outputs ask of it. Taken is the one in whose units the couplings stand out most clearly.
-    """
-    A, B, C = np.abs(system.A), np.abs(system.B), np.abs(system.C)
-    root = float(np.max(np.abs(np.linalg.eigvals(A))))
-    paces = np.log2(root if root > 0 else 1.0) + np.arange(-20.0, 41.0, 2.0)
-    paths = _path_sizes(A, B, C)
-    steps = np.arange(len(paths))[:, None, None]
-    scales = []
-    for pace in paces:
-        strongest = np.max(paths - steps * pace, axis=0)
-        gains = np.exp2(
-            np.clip(pace - strongest, None, LARGEST_EXPONENT), where=np.isfinite(strongest), out=np.zeros_like(strongest)
-        )
-        scales.append(balancing_scale(A + B @ gains.T @ C))
-    return max(scales, key=lambda scale: _clarity(system, scale))
-
-
-def _path_sizes(A: Array, B: Array, C: Array) -> Array:
-    """log2 of C A^k B for k < n, entry by entry: (n, p, p), A, B, C without negative entries."""
-    exponent, sizes = np.zeros(B.shape[1]), np.full((len(A), len(C), B.shape[1]), -np.inf)
-    for k in range(len(A)):
-        unit = np.exp2(np.ceil(np.log2(np.max(B, axis=0), where=np.any(B, axis=0), out=np.zeros(B.shape[1]))))
-        B, exponent = B / unit, exponent + np.log2(unit)
-        reached = C @ B
-        sizes[k] = np.log2(reached, where=reached > 0, out=sizes[k]) + exponent
-        B = A @ B
-    return sizes
-
-
-def _clarity(system: StateSpace, scale: Array) -> float:
-    """How far the couplings stand out in these units: mean logarithm of their shares, of A's norm, of a column of B, a row of C."""
-    A, B, C = (np.abs(M) for M in (system.A * scale / scale[:, None], system.B / scale[:, None], system.C * scale))
-    np.fill_diagonal(A, 0.0)  # what acts on itself couples nothing
-    shares = np.concatenate([(M / np.where(size > 0, size, 1.0))[M > 0] for M, size in ((A, np.linalg.norm(A)), *_sizes(B, C))])
-    return float(np.mean(np.log(np.maximum(shares, COUPLING_TOLERANCE)))) if shares.size else 0.0
-
-
-def _sizes(B: Array, C: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """B and C with the norms of the columns and of the rows."""
-    return (B, np.linalg.norm(B, axis=0, keepdims=True)), (C, np.linalg.norm(C, axis=1, keepdims=True))
 
 
 def _hidden_subspaces(system: StateSpace, scale: Array) -> tuple[Array, Array]:

@@ -8,8 +8,9 @@ import numpy as np
 import scipy.linalg
 
 from invtrack.arrays import Array, ComplexArray
-from invtrack.linear.scaling import loop_units, pace_of
+from invtrack.linear.scaling import pace_of
 from invtrack.linear.state_space import StateSpace
+from invtrack.linear.state_units import plant_units
 
 RANK_TOLERANCE = 1e-10
 """Singular values below this share of the largest are none, rows and columns scaled to unit size."""
@@ -33,9 +34,8 @@ def why_not_invertible(system: StateSpace) -> str:
     transfer matrix G(s).
     """
     p, inputs, outputs = system.n_channels, system.inputs.names, system.outputs.names
-    state_unit, input_unit = loop_units(system.A, system.B, system.C)
-    B, C = system.B * input_unit / state_unit[:, None], system.C * state_unit
-    D, A = system.D * input_unit, system.A * state_unit / state_unit[:, None]
+    unit = plant_units(system)
+    A, B, C, D = system.A * unit / unit[:, None], system.B / unit[:, None], system.C * unit, system.D
     remedy = f"; choose other outputs or inputs, or use {NO_INVERSE_NEEDED}"
     transfer = _transfer(A, B, C, D)
     for name, row in zip(outputs, np.moveaxis(transfer, 1, 0), strict=True):
@@ -46,7 +46,7 @@ def why_not_invertible(system: StateSpace) -> str:
             return f"input {name!r} reaches no output (its column of the transfer matrix vanishes){remedy}"
     redundant, needless = _null(np.vstack([B, D])), _null(np.hstack([C, D]).T)
     if redundant.shape[1]:
-        told = _combination(redundant[:, 0] * input_unit, inputs)
+        told = _combination(redundant[:, 0], inputs)
         return f"the inputs are not independent: {told} acts on nothing, rank [B; D] is {p - redundant.shape[1]} of {p}{remedy}"
     if needless.shape[1]:
         told = _combination(needless[:, 0], outputs)

@@ -13,7 +13,8 @@ from invtrack.errors import RelativeDegreeError
 from invtrack.linear.output_derivatives import OutputDerivatives
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace, as_state_space
-from invtrack.linear.structure import output_structure
+from invtrack.linear.state_units import plant_pace
+from invtrack.linear.structure import OutputStructure, output_structure
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ def normal_form(system: Any) -> NormalForm:
     """
     system = as_state_space(system)
     found = output_structure(system)
-    units = balancing_scale(couplings(system, found.A_x, found.B_y))
+    units = balancing_scale(_couplings(system, found))
     P, V, N = _internal_coordinates(units, found.C_star)
     return NormalForm(
         orders=found.orders,
@@ -112,12 +113,15 @@ def normal_form(system: Any) -> NormalForm:
     )
 
 
-def couplings(system: StateSpace, A_x: Array, B_y: Array) -> Array:
+def _couplings(system: StateSpace, structure: OutputStructure) -> Array:
     """How strongly each state acts on each other (n, n), through the plant and the tracking law; free of the channels' units.
 
-    The plant alone may fall apart into parts that do not act on each other (chains of integrators), which could not be balanced.
+    The plant alone may fall apart into parts that do not act on each other (chains of integrators), which could not be balanced:
+    the law that holds an output makes chi of it, as fast as the plant is.
     """
-    law = np.abs(np.linalg.solve(B_y, A_x)) + np.abs(np.linalg.solve(B_y, np.eye(len(B_y)))) @ np.abs(system.C)
+    inverse = np.abs(np.linalg.solve(structure.B_y, np.eye(len(structure.B_y))))
+    held = plant_pace(system) ** np.array(structure.orders, dtype=float)
+    law = np.abs(np.linalg.solve(structure.B_y, structure.A_x)) + inverse @ (held[:, None] * np.abs(system.C))
     return np.asarray(np.abs(system.A) + np.abs(system.B) @ law)
 
 

@@ -11,8 +11,8 @@ from invtrack.arrays import Array
 from invtrack.errors import RelativeDegreeError
 from invtrack.linear.invertibility import why_not_invertible
 from invtrack.linear.output_derivatives import OutputDerivatives
-from invtrack.linear.scaling import loop_units
 from invtrack.linear.state_space import StateSpace
+from invtrack.linear.state_units import plant_units
 
 ROW_TOLERANCE = 1e-11
 """A coefficient counts as zero below this share of |C_i| |A|^k |B|, the largest value that its terms could add up to."""
@@ -109,13 +109,13 @@ def output_structure(system: StateSpace) -> OutputStructure:
     it is the normal form of Isidori 1989 (Devasia 1996, eq. 5).
     """
     p, n = system.n_channels, system.n_states
-    state_unit, input_unit = loop_units(system.A, system.B, system.C)
+    state_unit = plant_units(system)
     rows = [_output_row(system, i) for i in range(p)]
     chains: list[list[_Row]] = [[] for _ in range(p)]
     done: list[int] = []
     combined = False
     while True:
-        combined |= _settle(rows, done, input_unit)
+        combined |= _settle(rows, done)
         going = [i for i in range(p) if i not in done]
         if not going:
             break
@@ -179,11 +179,14 @@ def _without_rounding(row: _Row) -> _Row:
     return row
 
 
-def _settle(rows: list[_Row], done: list[int], input_unit: Array) -> bool:
+def _settle(rows: list[_Row], done: list[int]) -> bool:
     """Rows with gains independent of those of the rows done are done, too; the others lose their gains. Whether any had some left.
 
     Of those left, the one comes first whose gains are the least explained by the rows done.
     """
+    gains = np.abs([row.d for row in rows])
+    largest = np.max(gains / _unit(np.max(gains, axis=1, keepdims=True)), axis=0)
+    input_unit = 1 / _unit(largest)
     while True:
         left = {i: _explained(rows[i], [rows[j] for j in done], input_unit) for i in range(len(rows)) if i not in done}
         independent = {i: share for i, (_, share) in left.items() if share > 0}
@@ -211,6 +214,10 @@ def _explained(row: _Row, others: Sequence[_Row], input_unit: Array) -> tuple[Ar
     rest = row.without(multiples, others)
     share = float(np.linalg.norm(rest.d * input_unit)) / size
     return multiples, 0.0 if np.all(np.abs(rest.d) <= rest.d_tolerance) else share
+
+
+def _unit(size: Array) -> Array:
+    return np.where(size > 0, size, 1.0)
 
 
 def _stacked(combinations: Sequence[Array], p: int) -> OutputDerivatives:

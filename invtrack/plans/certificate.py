@@ -9,7 +9,7 @@ import numpy as np
 from invtrack.arguments import instance
 from invtrack.arrays import Array, Indices, real_vector
 from invtrack.errors import PlanError
-from invtrack.linear.scaling import comparable_size, unit_ratios, with_idle_sizes
+from invtrack.linear.state_sizes import comparable_size, unit_ratios, with_idle_sizes
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal

@@ -12,7 +12,7 @@ import numpy as np
 
 from invtrack.arrays import Array, Indices
 from invtrack.linear.propagation import forced_states
-from invtrack.linear.scaling import comparable_size, unit_ratios
+from invtrack.linear.state_sizes import comparable_size, unit_ratios
 from invtrack.plans.boundary_value import BoundaryValueSolution, Conditions, solve
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.trajectory import Trajectory, TwoSidedSegments, grouped

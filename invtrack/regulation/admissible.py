@@ -11,7 +11,7 @@ import scipy.linalg
 
 from invtrack.arrays import Array
 from invtrack.linear.normal_form import NormalForm, normal_form
-from invtrack.linear.scaling import RESOLVED, comparable_size, unit_ratios
+from invtrack.linear.state_sizes import RESOLVED, comparable_size, unit_ratios
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.exosystem import Exosystem

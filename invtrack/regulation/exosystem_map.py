@@ -10,7 +10,7 @@ import numpy as np
 from invtrack.arrays import Array, Indices, require_share
 from invtrack.errors import PlanError, TrajectoryError
 from invtrack.inversion.exact import split_each
-from invtrack.linear.scaling import unit_ratios
+from invtrack.linear.state_sizes import unit_ratios
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.problem import actuation_times
 from invtrack.plans.trajectory import Trajectory

@@ -8,7 +8,7 @@ import numpy as np
 
 from invtrack.arrays import Array, Indices
 from invtrack.errors import PlanError
-from invtrack.linear.scaling import unit_ratios
+from invtrack.linear.state_sizes import unit_ratios
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import ACCURACY
 from invtrack.plans.trajectory import Trajectory

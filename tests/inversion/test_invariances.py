@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.signal
 
 from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import OperatingPoint, StateSpace
@@ -153,3 +154,19 @@ def test_a_reference_in_other_coordinates_of_its_generator() -> None:
     times = np.linspace(-5.0, 25.0, 100)
     assert_close(plans[1](times).u, plans[0](times).u, 1e-9)
     assert max(plan.certificate.dynamics_residual for plan in plans) < 1e-11
+
+
+@pytest.mark.parametrize("degree", [6, 12])
+@pytest.mark.parametrize("second", [2.0**-10, 2.0**5, 2.0**10])
+def test_the_unit_of_time_does_not_matter_for_long_chains(degree: int, second: float) -> None:
+    """Three zeros behind many integrators: the plan is the same whatever time is measured in."""
+    numerator, denominator = np.poly([2.0, -1.5, 0.5]), np.polymul(np.poly([-1.0, -1.2, -1.4]), [1.0] + [0.0] * degree)
+    A, B, C, D = scipy.signal.tf2ss(numerator, denominator)
+    t = np.linspace(-2.0, 10.0, 25)
+    plans = [
+        invert(StateSpace(A / unit, B / unit, C, D), rest_to_rest(0.0, 1.0, 8.0 * unit, smoothness=degree))
+        for unit in (1.0, second)
+    ]
+    for values in (lambda plan, times: plan.inputs(times), lambda plan, times: plan.states(times)):
+        expected = values(plans[0], t)
+        np.testing.assert_allclose(values(plans[1], t * second), expected, rtol=0, atol=1e-9 * np.max(np.abs(expected)))

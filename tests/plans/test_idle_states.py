@@ -7,7 +7,7 @@ import pytest
 
 import invtrack
 from invtrack.inversion import feasibility
-from invtrack.linear.scaling import idle_states, with_idle_sizes
+from invtrack.linear.state_sizes import idle_states, with_idle_sizes
 
 SLEW = invtrack.rest_to_rest(0.0, 0.3, duration=1.0, smoothness=4)
 

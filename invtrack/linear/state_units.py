@@ -1,0 +1,95 @@
+"""Units of the states in which a plant's matrices speak clearly."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from invtrack.arrays import Array
+from invtrack.linear.scaling import balancing_scale
+from invtrack.linear.state_space import StateSpace
+
+CLEAR = 1e-10
+"""Shares below this are all alike: rounding, where the parts of a plant do not act on each other."""
+
+LARGEST_EXPONENT = 1000.0
+"""Bound on log2 of a feedback gain, close to what numbers hold."""
+
+
+def plant_units(system: StateSpace) -> Array:
+    """Units (n,) of the states, powers of two, in which they act on each other, and between inputs and outputs, about equally.
+
+    They undo whatever units states, inputs, outputs and time came in.
+    """
+    return _clearest(system)[0]
+
+
+def plant_pace(system: StateSpace) -> float:
+    """The fastest rate [rad/s] at which paths of k more steps from an input to an output add to its first effect; 1 without any."""
+    return _clearest(system)[1]
+
+
+@lru_cache(maxsize=64)
+def _clearest(system: StateSpace) -> tuple[Array, float]:
+    """Units and pace.
+
+    A alone may fall apart into parts without a common scale: each output is fed back to each input with the gain with which the
+    strongest loop through both is as fast as a pace. Which one is no property of the plant: a hovering vehicle's drag is far slower
+    than what its outputs ask of it. Taken is the one in whose units the couplings stand out most clearly.
+    """
+    A, B, C = (np.where(size > system.errors(name), size, 0.0) for name, size in _entries(system))
+    root = float(np.max(np.abs(np.linalg.eigvals(A))))
+    paces = np.log2(root if root > 0 else 1.0) + np.arange(-20.0, 41.0, 2.0)
+    paths = _path_sizes(A, B, C)
+    steps = np.arange(len(paths))[:, None, None]
+    scales = []
+    for pace in paces:
+        strongest = np.max(paths - steps * pace, axis=0)
+        gains = np.exp2(
+            np.clip(pace - strongest, None, LARGEST_EXPONENT), where=np.isfinite(strongest), out=np.zeros_like(strongest)
+        )
+        with np.errstate(over="ignore"):  # at paces far above all that the plant does
+            loop = A + B @ gains.T @ C
+        scales.append(balancing_scale(loop if np.all(np.isfinite(loop)) else A))
+    best = int(np.argmax([_clarity(system, scale) for scale in scales]))
+    scales[best].setflags(write=False)
+    return scales[best], float(np.exp2(paces[best]))
+
+
+def _entries(system: StateSpace) -> list[tuple[str, Array]]:
+    return [(name, np.abs(getattr(system, name))) for name in "ABC"]
+
+
+def _path_sizes(A: Array, B: Array, C: Array) -> Array:
+    """log2 of C A^k B for k < n, entry by entry: (n, p, p), A, B, C without negative entries."""
+    exponent, sizes = np.zeros(B.shape[1]), np.full((len(A), len(C), B.shape[1]), -np.inf)
+    for k in range(len(A)):
+        unit = np.exp2(np.ceil(np.log2(np.max(B, axis=0), where=np.any(B, axis=0), out=np.zeros(B.shape[1]))))
+        B, exponent = B / unit, exponent + np.log2(unit)
+        reached = C @ B
+        sizes[k] = np.log2(reached, where=reached > 0, out=sizes[k]) + exponent
+        B = A @ B
+    return sizes
+
+
+def _pace(paths: Array) -> float:
+    """See `plant_pace`, from log2 of the paths' sizes (n, p, p)."""
+    first = np.argmax(np.isfinite(paths), axis=0)[np.newaxis]
+    more = np.arange(len(paths))[:, None, None] - first
+    later = (more > 0) & np.isfinite(paths)
+    rates = (paths - np.take_along_axis(paths, first, axis=0))[later] / more[later]
+    return float(np.exp2(np.max(rates))) if rates.size else 1.0
+
+
+def _clarity(system: StateSpace, scale: Array) -> float:
+    """How far the couplings stand out in these units: mean logarithm of their shares, of A's norm, of a column of B, a row of C."""
+    A, B, C = (np.abs(M) for M in (system.A * scale / scale[:, None], system.B / scale[:, None], system.C * scale))
+    np.fill_diagonal(A, 0.0)  # what acts on itself couples nothing
+    shares = np.concatenate([(M / np.where(size > 0, size, 1.0))[M > 0] for M, size in ((A, np.linalg.norm(A)), *_sizes(B, C))])
+    return float(np.mean(np.log(np.maximum(shares, CLEAR)))) if shares.size else 0.0
+
+
+def _sizes(B: Array, C: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """B and C with the norms of the columns and of the rows."""
+    return (B, np.linalg.norm(B, axis=0, keepdims=True)), (C, np.linalg.norm(C, axis=1, keepdims=True))
