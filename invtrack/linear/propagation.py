@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -21,8 +20,11 @@ NODE_ANGLE = 1 / 16
 SPARSE = 16
 """Where fewer times than this share a node, every so many nodes are used: longer series cost less than more nodes."""
 
-LEFT_OUT = 2.0**-60
-"""The terms of a Taylor series that are left out, as a share of its first one."""
+TERMS = {1: 9, SPARSE: 16}
+"""Terms of the series around every node and around every 16th: the first one left out is below 1e-18 of the first.
+
+All of them always, however close the times: of a chain of integrators in unlike units the last ones may be the largest.
+"""
 
 LONG_STRETCH = 64
 """Fewer times than this in a stretch, or fewer than there are states, are not worth a look at their spacing."""
@@ -102,18 +104,20 @@ class Propagator:
         rows, v = _Rows(X * self._scale, self._M * self._step), v / self._scale
         long = max(LONG_STRETCH, self.size)
         edges = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1, [len(tau)]]) if len(tau) else np.zeros(1, dtype=int)
-        if len(tau) < long * (len(edges) - 1):
-            self._scattered(rows, v, owner, tau, result)
-            return result
-        for first, last in itertools.pairwise(edges.tolist()):
-            part = slice(first, last)
-            spacing = _even_spacing(tau[part], resolution) if last - first >= long else None
+        done = 0
+        for stretch in np.flatnonzero(np.diff(edges) >= long):
+            first, last = edges[stretch : stretch + 2].tolist()
+            spacing = _even_spacing(tau[first:last], resolution)
             if spacing is None:
-                self._scattered(rows, v, owner[part], tau[part], result[part])
-            elif spacing > 0:
+                continue
+            before, part = slice(done, first), slice(first, last)
+            self._scattered(rows, v, owner[before], tau[before], result[before])
+            if spacing > 0:
                 self._even(rows.X, v[owner[first]], tau[first], spacing, result[part])
             else:
                 self._even(rows.X, v[owner[first]], tau[last - 1], -spacing, result[part][::-1])
+            done = last
+        self._scattered(rows, v, owner[done:], tau[done:], result[done:])
         return result
 
     def _even(self, X: Array, v: Array, start: float, spacing: float, result: Array) -> None:
@@ -197,12 +201,14 @@ class _Cells:
         cell: of each time (m,).
         remainder: of each time from its cell's node (m,), within half the cells' width, 1/2 or SPARSE / 2.
         owner, count: of each cell, whose it is and how many node distances its node lies from the start (c,).
+        terms: how many the Taylor series need.
     """
 
     cell: Indices
     remainder: Array
     owner: Indices
     count: NDArray[np.int64]
+    terms: int
 
     @classmethod
     def of(cls, distance: Array, owner: Indices) -> _Cells:
@@ -214,12 +220,7 @@ class _Cells:
         count = width * np.rint(distance / width)
         new = np.ones(len(distance), dtype=bool)
         new[1:] = (count[1:] != count[:-1]) | (owner[1:] != owner[:-1])
-        return cls(np.cumsum(new) - 1, distance - count, owner[new], count[new].astype(np.int64))
-
-    @cached_property
-    def terms(self) -> int:
-        """How many terms of the Taylor series the farthest time needs."""
-        return _terms(NODE_ANGLE * float(np.max(np.abs(self.remainder), initial=0.0)))
+        return cls(np.cumsum(new) - 1, distance - count, owner[new], count[new].astype(np.int64), TERMS[width])
 
 
 class _Rows:
@@ -251,23 +252,13 @@ def _norm_bound(M: Array) -> float:
     return norm * min(1.0, math.sqrt(float(np.linalg.norm(M.T @ M, 1))))
 
 
-def _terms(norm: float) -> int:
-    """How many terms of the exponential series of a matrix with this norm, at most 1, differ from 0."""
-    terms, size = 1, norm
-    while size > LEFT_OUT:
-        terms += 1
-        size *= norm / terms
-    return terms
-
-
 def _exponential_less_one(M: Array) -> Array:
     """exp(M) - 1 of a matrix (q, q) with a norm of at most 1/2, to the precision of its own entries.
 
     Source: M. Paterson, L. Stockmeyer, "On the number of nonscalar multiplications necessary to evaluate polynomials", SIAM J.
     Computing 2, 1973.
     """
-    degree = _terms(_norm_bound(M))
-    powers = [M]
+    degree, powers = TERMS[SPARSE], [M]
     while len(powers) ** 2 < degree:
         powers.append(powers[-1] @ M)
     result = np.zeros_like(M)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 import scipy.linalg
@@ -132,3 +134,11 @@ def test_what_little_time_changes_keeps_its_digits() -> None:
     tau = 1e-8 * np.arange(1, 101)
     found = Propagator(M).outputs(np.eye(2)[:1], np.array([[0.0, 1.0]]), np.zeros(100, dtype=np.intp), tau)[:, 0]
     assert found == pytest.approx(-np.expm1(-tau), rel=1e-14)
+
+
+@pytest.mark.parametrize("times", [1e-7 * np.arange(1.0, 101.0), 1e-7 * np.geomspace(1e-3, 1.0, 50), np.array([1e-7])])
+def test_a_chain_of_integrators_whose_last_state_is_the_largest(times: np.ndarray) -> None:
+    """x1' = x2, ..., x6' = 0 with x_k(0) = (k - 1)! 10^(7 (k - 1)): x1 = sum of (10^7 t)^k, whatever is small about the times."""
+    state = np.array([math.factorial(k) * 1e7**k for k in range(6)])
+    found = Propagator(np.diag(np.ones(5), k=1)).outputs(np.eye(6)[:1], state[np.newaxis], np.zeros(len(times), dtype=int), times)
+    assert found[:, 0] == pytest.approx(np.sum((1e7 * times[:, np.newaxis]) ** np.arange(6), axis=1), rel=1e-13)
