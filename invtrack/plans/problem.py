@@ -135,9 +135,9 @@ def actuation_times(
     What lies between the trajectory's breakpoints counts as away from rest throughout; peaks are those of the values there.
     """
     edges = trajectory.breakpoints
-    times = np.concatenate([np.linspace(edges[0], edges[-1], SAMPLES + 1), edges])
-    values = np.abs(trajectory(times, trajectory.locate(times)))
-    peak = np.max(values, axis=0)
+    even = np.linspace(edges[0], edges[-1], SAMPLES + 1)
+    # Apart, so that the even ones stay recognizable as such.
+    peak = np.max([np.max(np.abs(trajectory(times, trajectory.locate(times))), axis=0) for times in (even, edges)], axis=0)
     preactuation = manoeuvre[0] - float(edges[0]) + trajectory.before.decay_time(peak, tolerance)
     postactuation = float(edges[-1]) - manoeuvre[1] + trajectory.after.decay_time(peak, tolerance)
     if limit is None or preactuation <= limit:
