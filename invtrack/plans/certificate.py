@@ -18,7 +18,13 @@ PANEL_ANGLE = 1.0
 """Largest panel length times the norm of a piece's fastest dynamics; 10 Gauss points are then exact to rounding."""
 
 PANELS_PER_PIECE = 200
-"""Panels checked per piece at most, spread evenly over it."""
+"""Panels checked per piece at most, spread evenly over it, its ends among them."""
+
+EQUATIONS_PER_PIECE = 20_000
+"""Equations checked per piece at most: with more states on fewer panels, though never on fewer than FEWEST_PANELS."""
+
+FEWEST_PANELS = 40
+"""Panels checked per piece of a plant with however many states, where its dynamics are so fast that these do not cover it."""
 
 ACCURACY = 1e-8
 """Largest residual of a plan, relative to its size, with which it is handed out."""
@@ -80,7 +86,8 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     span = tuple(real_vector("span [s]", span, ["start", "end"], error=PlanError).tolist())
     if span[1] <= span[0]:  # at rest throughout: nothing happens in no time, so look on both sides of it
         span = (span[0] - 1.0, span[1] + 1.0)
-    starts, ends, piece = _panels(trajectory, model.switch_times, span)
+    panels_per_piece = min(PANELS_PER_PIECE, max(FEWEST_PANELS, EQUATIONS_PER_PIECE // model.n_states))
+    starts, ends, piece = _panels(trajectory, model.switch_times, span, panels_per_piece)
     nodes, weights = np.polynomial.legendre.leggauss(10)
     n, p = model.n_states, model.n_channels
     times = (starts[:, None] + ends[:, None]) / 2 + (ends - starts)[:, None] / 2 * nodes
@@ -115,8 +122,8 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     )
 
 
-def _panels(trajectory: Trajectory, switch_times: Array, span: tuple[float, float]) -> tuple[Array, Array, Indices]:
-    """Starts, ends and pieces of the panels, none of which crosses a breakpoint or a switch time."""
+def _panels(trajectory: Trajectory, switch_times: Array, span: tuple[float, float], per_piece: int) -> tuple[Array, Array, Indices]:
+    """Starts, ends and pieces of the panels, `per_piece` at most, none of which crosses a breakpoint or a switch time."""
     inner = trajectory.breakpoints
     first, last = min(span[0], inner[0]), max(span[1], inner[-1])
     edges = np.concatenate([[first], np.union1d(inner, switch_times[(switch_times > first) & (switch_times < last)]), [last]])
@@ -129,7 +136,7 @@ def _panels(trajectory: Trajectory, switch_times: Array, span: tuple[float, floa
         if length <= 0:
             continue
         panel = min(length, PANEL_ANGLE / max(float(fastest[piece[j]]), np.finfo(float).tiny))
-        count = int(min(np.ceil(length / panel), PANELS_PER_PIECE))
+        count = int(min(np.ceil(length / panel), per_piece))
         first = edges[j] + (length - panel) * np.linspace(0.0, 1.0, count)
         starts.append(first)
         ends.append(np.minimum(first + panel, edges[j + 1]))
