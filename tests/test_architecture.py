@@ -26,7 +26,7 @@ ROOMS: dict[str, set[str]] = {
     "references": {"linear", *THEORY},
     "plans": {"linear", "references", *THEORY},
     "inversion": {"linear", "references", "plans", *THEORY},
-    "redesign": {"linear", "references", "plans", "clarabel", *THEORY},
+    "redesign": {"linear", "references", "plans", "inversion", "clarabel", *THEORY},
     "regulation": {"linear", "references", "plans", "inversion", *THEORY},
     "control": {"linear", "references", "plans", "regulation", *THEORY},
     "plant": {"linear", "mujoco", *THEORY},

@@ -118,41 +118,47 @@ def cost(plan: Plan, *, R: ArrayLike, Q_x: ArrayLike = 0.0, Q_y: ArrayLike) -> f
     """
     require_plan(plan, error=RedesignError)
     weights = as_weights(plan.model, R=R, Q_x=Q_x, Q_y=Q_y)
-    edges = _edges(plan)
+    edges = graded_edges(plan.breakpoints, plan.preactuation, plan.postactuation)
     middle = (edges[:-1] + edges[1:]) / 2
     length = edges[-1] - edges[0]
     far = _deviations(plan, np.array([edges[0], edges[-1]]) + np.array([-10.0, 10.0]) * (length + 1.0), None)
     lasting = weights.rate(*far) - ROUNDING * weights.terms(*far)
     if np.max(lasting) > AT_REST * np.max(weights.rate(*_deviations(plan, middle, None))):
         return math.inf
+    return quadrature(lambda times, inside: weights.rate(*_deviations(plan, times, inside)), edges)
+
+
+def quadrature(rate: Callable[[Array, Array], Array], edges: Array, converged: float = CONVERGED) -> float:
+    """Integral of a rate (k,) at times (k,), taken in the pieces that hold the times `inside` (k,), over panels between `edges`.
+
+    Panels are halved until that changes what each adds by no more than the share `converged` of the integral.
+    """
     left, right = edges[:-1], edges[1:]
-    whole, total = _integrals(plan, weights, left, right), 0.0
+    whole, total = _integrals(rate, left, right), 0.0
     while True:
         centre = (left + right) / 2
         left, right = np.column_stack([left, centre]).ravel(), np.column_stack([centre, right]).ravel()
-        halves = _integrals(plan, weights, left, right)
+        halves = _integrals(rate, left, right)
         change = np.abs(halves[::2] + halves[1::2] - whole)
-        unsettled = np.repeat(change > CONVERGED * (total + float(np.sum(halves))), 2)
+        unsettled = np.repeat(change > converged * (total + float(np.sum(halves))), 2)
         total += float(np.sum(halves[~unsettled]))
         left, right, whole = left[unsettled], right[unsettled], halves[unsettled]
         if len(whole) == 0 or len(whole) > MOST_PANELS:
             return total + float(np.sum(whole))
 
 
-def _integrals(plan: Plan, weights: Weights, left: Array, right: Array) -> Array:
+def _integrals(rate: Callable[[Array, Array], Array], left: Array, right: Array) -> Array:
     """What each panel between left and right (m,) adds, by Gauss's rule: (m,)."""
     middle, half = (left + right) / 2, (right - left) / 2
     times = middle[:, None] + half[:, None] * NODES
-    rate = weights.rate(*_deviations(plan, times.ravel(), np.repeat(middle, len(NODES)))).reshape(times.shape)
-    return np.asarray(half * (rate @ NODE_WEIGHTS))
+    return np.asarray(half * (rate(times.ravel(), np.repeat(middle, len(NODES))).reshape(times.shape) @ NODE_WEIGHTS))
 
 
-def _edges(plan: Plan) -> Array:
-    """Breakpoints, and beside them times that lie the closer the nearer the manoeuvre: fast and slow modes decay there."""
-    first, last = plan.breakpoints[0], plan.breakpoints[-1]
+def graded_edges(breakpoints: Array, before: float, after: float) -> Array:
+    """Breakpoints, and beside them, up to `before` and `after` [s] away, times that lie the closer the nearer to them."""
     shares = 2.0 ** -np.arange(12.0)
-    before, after = first - plan.preactuation * shares, last + plan.postactuation * shares[::-1]
-    return np.unique(np.concatenate([before, plan.breakpoints, after]))
+    first, last = breakpoints[0], breakpoints[-1]
+    return np.unique(np.concatenate([first - before * shares, breakpoints, last + after * shares[::-1]]))
 
 
 def _deviations(plan: Plan, times: Array, inside: Array | None) -> tuple[Array, Array, Array]:

@@ -145,7 +145,8 @@ def _require_solvable(A: Array, B: Array, Q: Array, N: Array) -> None:
     if unmoved is not None:
         raise RedesignError(
             f"no optimal trajectory: no input moves the mode at {unmoved:.6g} rad/s, which lies on or right of the imaginary axis; "
-            "choose inputs that reach it, or leave it out of the model"
+            "choose inputs that reach it, or leave it out of the model (one input cannot bring to rest a mode that is the same in "
+            "several models)"
         )
     # The input u = -N'x + v makes the cross term vanish; what is left of the cost must see the modes that are left on the axis.
     unseen = _hidden_mode(A - B @ N.T, square_root(Q - N @ N.T), unstable_too=False)

@@ -28,6 +28,11 @@ DEARER = 1e4
 
 MOST_TIMES_DEARER = 6
 
+
+class PrecisionError(RedesignError):
+    """The equations of an optimum are too far out of working precision; with dearer inputs they may not be."""
+
+
 ADVICE = "bring the weights and the units of the states closer to each other"
 
 
@@ -112,6 +117,14 @@ def optimal_feedback(problem: QuadraticCost) -> OptimalFeedback:
     Sources: A. Laub, "A Schur method for solving algebraic Riccati equations", IEEE Trans. Automatic Control 24(6), 1979;
     D. Kleinman, "On an iterative technique for Riccati equation computations", IEEE Trans. Automatic Control 13(1), 1968.
     """
+    try:
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            return _refined(problem)
+    except (FloatingPointError, np.linalg.LinAlgError) as reason:
+        raise PrecisionError(f"the equations of the redesign leave the range of numbers: {reason}; {ADVICE}") from reason
+
+
+def _refined(problem: QuadraticCost) -> OptimalFeedback:
     A, B, N, W = problem.A, problem.B, problem.N, problem.inverse_weight()
     P, K = _first_feedback(problem)
     schur, previous = None, np.inf
@@ -139,13 +152,13 @@ def _first_feedback(problem: QuadraticCost) -> tuple[DoubleDouble, DoubleDouble]
         _, Z, count = scipy.linalg.schur(problem.hamiltonian(dearer), sort="lhp")
         if count != n:
             continue
-        one_sided = scipy.linalg.solve(Z[:n, :n].T, Z[n:, :n].T)
+        one_sided = np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T)
         P = DoubleDouble.of((one_sided + one_sided.T) / 2)
         drive = W @ (problem.B.transposed @ P)
         K = DoubleDouble(drive.high / dearer, drive.low / dearer) + W @ problem.N.transposed
         if SchurForm((problem.A - problem.B @ K).rounded).is_stable:
             return P, K
-    raise RedesignError(
+    raise PrecisionError(
         "the Riccati equation of the redesign has no stabilizing solution in working precision: modes of its Hamiltonian cannot "
         f"be told from the imaginary axis; {ADVICE}"
     )
@@ -154,7 +167,7 @@ def _first_feedback(problem: QuadraticCost) -> tuple[DoubleDouble, DoubleDouble]
 def _stable_form(A_c: DoubleDouble) -> SchurForm:
     form = SchurForm(A_c.rounded)
     if not form.is_stable:
-        raise RedesignError(f"the optimal feedback cannot be told from one that does not stabilize in working precision; {ADVICE}")
+        raise PrecisionError(f"the optimal feedback cannot be told from one that does not stabilize in working precision; {ADVICE}")
     return form
 
 

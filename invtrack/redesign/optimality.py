@@ -1,0 +1,174 @@
+"""How far a trajectory can be from the least cost: the gap to a bound from below that its costate gives, from values alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from invtrack.arrays import Array, Indices
+from invtrack.plans.tail import Tail
+from invtrack.plans.trajectory import Trajectory
+from invtrack.redesign.cost import Weights, square_root
+from invtrack.redesign.optimum import TrackedSystem
+from invtrack.references.signal import PiecewiseSignal
+
+TAIL_TIMES = 40.0
+"""Time constants of its slowest mode over which a tail is looked at: e^-80 of the cost is left."""
+
+MOST_PANELS = 4000
+"""Panels at most; beyond, pieces are skipped evenly."""
+
+MOST_HALVINGS = 40
+"""Halvings of a piece towards either end, at most: layers that are thinner still are looked at in their tail only."""
+
+NODES, NODE_WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+@dataclass(frozen=True)
+class DualityGap:
+    """By how much any other input could cost less, each as a share of the cost.
+
+    For any costate lambda whose adjoint equation holds with some multipliers the dual value is a bound from below on the cost of
+    all inputs. What lies between the cost and that bound is the sum of:
+
+    stationarity: integral of r'(R + D'Q_y D)^-1 r, r = R u + D'Q_y (y - y_d) + B'lambda.
+    adjoint: what the residual of lambda' = -A'lambda - Q_x x - C'Q_y (y - y_d) costs: as a change of the multipliers Q_x x and
+    Q_y (y - y_d) where they can take it up, as work on the state where they cannot.
+    dynamics: work of the residual of x' = A x + B u on the costate.
+    joints: work of jumps of the costate at breakpoints and of what is left of it at the ends.
+
+    All are worked out from values and derivatives of the trajectory, and know nothing of how it was found.
+    """
+
+    stationarity: float
+    adjoint: float
+    dynamics: float
+    joints: float
+
+    @property
+    def total(self) -> float:
+        """Largest share of the cost by which any other input could cost less."""
+        return self.stationarity + self.adjoint + self.dynamics + self.joints
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """What an optimal trajectory [x; u; y; costate] over all of time is held against.
+
+    Args:
+        systems: of each interval of the plant.
+        interval: the interval in which each piece of the trajectory lies (m + 2,).
+        weights: of the cost.
+        wanted: the wanted outputs as deviations, with the trajectory's breakpoints; held by every model of a system side by side.
+    """
+
+    systems: Sequence[TrackedSystem]
+    interval: Indices
+    weights: Weights
+    wanted: PiecewiseSignal
+
+    def gap(self, trajectory: Trajectory) -> DualityGap:
+        """The gap between the trajectory's cost and the bound that its costate gives."""
+        times, piece, share = _nodes(trajectory)
+        values, slopes = trajectory(times, piece), trajectory.derivative()(times, piece)
+        n, p = self.systems[0].B.shape
+        at = self.wanted(times, inside=self._inside(piece))
+        wanted = np.tile(at, (1, len(self.systems[0].C) // at.shape[1]))
+        cost = stationarity = dynamics = 0.0
+        adjoint = np.zeros(0)
+        unit = np.max(np.abs(values[:, :n]), axis=0)
+        unit = np.where(unit > 0, unit, 1.0)
+        for k in np.unique(self.interval[piece]):
+            here = self.interval[piece] == k
+            system, weight = self.systems[k], share[here]
+            x, u, y, costate = np.split(values[here], [n, n + p, len(values[0]) - n], axis=1)
+            error = y - wanted[here]
+            cost += float(weight @ self.weights.rate(x, u, error))
+            Q_y_e = error @ self.weights.Q_y
+            r = u @ self.weights.R + Q_y_e @ system.D + costate @ system.B
+            stationarity += float(weight @ np.sum(r * _solve(self.weights.input_weight(system.D), r), axis=1))
+            lag = slopes[here][:, :n] - x @ system.A.T - u @ system.B.T
+            dynamics += float(2 * np.abs(weight @ np.sum(lag * costate, axis=1)))
+            rest = slopes[here][:, -n:] + costate @ system.A + x @ self.weights.Q_x + Q_y_e @ system.C
+            adjoint = _added(adjoint, self._adjoint_terms(system, rest * unit, x / unit, unit, weight))
+        joints = self._joints(trajectory, n)
+        scale = 1 / cost if cost > 0 else 0.0
+        return DualityGap(stationarity * scale, float(np.sum(adjoint)) * scale, dynamics * scale, joints * scale)
+
+    def _adjoint_terms(self, system: TrackedSystem, rest: Array, x: Array, unit: Array, weight: Array) -> Array:
+        """What each direction of the adjoint residual costs (k + 1,), states in `unit`; the last: what no multiplier takes up."""
+        seen = np.vstack([square_root(self.weights.Q_x), square_root(self.weights.Q_y) @ system.C]) * unit
+        seen = seen[np.any(seen, axis=1)]
+        _, size, directions = np.linalg.svd(seen, full_matrices=False)
+        residual, state = rest @ directions.T, x @ directions.T
+        work = 2 * np.abs(weight @ (residual * state))
+        taken_up = weight @ (residual / np.where(size > 0, size, 1.0)) ** 2
+        unmoved = np.sum((rest - residual @ directions) * (x - state @ directions), axis=1)
+        return np.append(np.where(size > 0, np.minimum(work, taken_up), work), 2 * abs(weight @ unmoved))
+
+    def _joints(self, trajectory: Trajectory, n: int) -> float:
+        """Twice the work of jumps of the costate on the state and of what is left at the ends."""
+        edges = trajectory.breakpoints
+        at = np.arange(len(edges))
+        left, right = trajectory(edges, at), trajectory(edges, at + 1)
+        x = np.maximum(np.abs(left[:, :n]), np.abs(right[:, :n]))
+        costate = np.maximum(np.abs(left[:, -n:]), np.abs(right[:, -n:]))
+        jumps = np.sum(np.abs(right[:, -n:] - left[:, -n:]) * x + np.abs(right[:, :n] - left[:, :n]) * costate)
+        return float(2 * jumps)
+
+    def _inside(self, piece: Indices) -> Array:
+        """A time within each piece."""
+        return self.wanted.inner_times()[piece]
+
+
+def _added(total: Array, more: Array) -> Array:
+    return more if len(total) == 0 else np.append(total, more)
+
+
+def _solve(weight: Array, r: Array) -> Array:
+    """Rows weight^-1 r."""
+    scale = 1 / np.sqrt(np.diag(weight))
+    solution: Array = scipy.linalg.solve(weight * np.outer(scale, scale), (r * scale).T, assume_a="pos").T
+    return solution * scale
+
+
+def _nodes(trajectory: Trajectory) -> tuple[Array, Indices, Array]:
+    """Times (k,), their pieces and their shares in an integral over all of time, the denser the nearer to a breakpoint."""
+    edges, paces = trajectory.breakpoints, trajectory.paces()
+    last = len(edges)
+    spans = [_halved(reach(trajectory.before), paces[0], both=False)]
+    spans += [_halved(length, pace, both=True) for length, pace in zip(np.diff(edges), paces[1:-1], strict=True)]
+    spans.append(_halved(reach(trajectory.after), paces[-1], both=False))
+    stride = max(1, sum(map(len, spans)) // MOST_PANELS)
+    times, pieces, shares = [], [], []
+    for j, span in enumerate(spans):
+        if 0 < j < last and j % stride:
+            continue
+        starts, ends = span[:-1], span[1:]
+        since = ((starts + ends)[:, None] + (ends - starts)[:, None] * NODES).ravel() / 2
+        times.append(edges[0] - since if j == 0 else edges[j - 1] + since)
+        pieces.append(np.full(len(since), j))
+        shares.append(((ends - starts)[:, None] / 2 * NODE_WEIGHTS).ravel() * (stride if 0 < j < last else 1))
+    return np.concatenate(times), np.concatenate(pieces), np.concatenate(shares)
+
+
+def _halved(length: float, pace: float, *, both: bool) -> Array:
+    """Edges of panels over [0, length], halved towards the start (and towards the end) down to one time constant."""
+    if length <= 0:
+        return np.zeros(1)
+    times = int(np.clip(np.ceil(np.log2(max(length * pace, 1.0))), 0, MOST_HALVINGS))
+    steps = np.concatenate([[0.0], 2.0 ** np.arange(-times, 1.0)])
+    if not both:
+        return length * steps
+    return length * np.concatenate([steps / 2, 1 - steps[-2::-1] / 2])
+
+
+def reach(tail: Tail) -> float:
+    """How far [s] a tail is looked at."""
+    if not tail.departs:
+        return 0.0
+    rate = -float(np.max(np.linalg.eigvals(tail.M).real))
+    return TAIL_TIMES / rate if rate > 0 else 0.0
