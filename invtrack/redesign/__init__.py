@@ -8,7 +8,7 @@ from invtrack.redesign.limits import Limits, StateLimit
 from invtrack.redesign.pareto import Outcome, TradeOff, outcome, pareto_sweep
 from invtrack.redesign.prefilter.frequency_response import FrequencyResponse
 from invtrack.redesign.prefilter.prefilter import ImpulseResponse, Prefilter, PrefilteredTrajectory, prefilter
-from invtrack.redesign.quadratic import quadratic_redesign
+from invtrack.redesign.quadratic import OptimalTrajectory, quadratic_redesign
 
 __all__ = [
     "ActiveLimit",
@@ -17,6 +17,7 @@ __all__ = [
     "FrequencyResponse",
     "ImpulseResponse",
     "Limits",
+    "OptimalTrajectory",
     "Optimality",
     "Outcome",
     "Prefilter",
