@@ -15,7 +15,7 @@ from invtrack.plans.trajectory import Trajectory
 from invtrack.redesign.least_cost import LeastCost, Optimal
 from invtrack.redesign.riccati import PrecisionError
 
-SETTLED = 1e-9
+SETTLED = 1e-7
 """An optimum whose cost is certified to within this share of it is handed out as it is."""
 
 REMARKABLE = 1e-6
@@ -111,8 +111,9 @@ def _exact_inverse(problem: LeastCost) -> Trajectory | None:
         return None
     task: PlanningProblem = problem.problems[0]
     try:
-        splits = split_each(task.plant)
-        require_smooth(task.plant, splits, task.deviation)
-        return bounded_solution(task, splits).trajectory
-    except InvtrackError:
+        with np.errstate(over="raise", invalid="raise"):
+            splits = split_each(task.plant)
+            require_smooth(task.plant, splits, task.deviation)
+            return bounded_solution(task, splits).trajectory
+    except (InvtrackError, FloatingPointError, np.linalg.LinAlgError):
         return None
