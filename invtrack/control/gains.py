@@ -47,7 +47,10 @@ class GainSchedule:
 
     def interval(self, t: ArrayLike) -> Indices:
         """Index of the gain in force at each time."""
-        return np.searchsorted(self.switch_times, real_numbers("times [s]", t, error=ControlError), side="right")
+        times = real_numbers("times [s]", t, error=ControlError)
+        if np.any(np.isnan(times)):
+            raise ControlError("times [s] must be numbers, got NaN among them")
+        return np.searchsorted(self.switch_times, times, side="right")
 
 
 def lqr(model: Any, *, Q: ArrayLike, R: ArrayLike) -> GainSchedule:

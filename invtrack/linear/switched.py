@@ -119,7 +119,10 @@ class SwitchedSystem:
 
     def interval(self, t: ArrayLike) -> Indices:
         """Index of the interval that holds each time; a switch time itself belongs to the interval that it starts."""
-        return np.searchsorted(self.switch_times, real_numbers("times [s]", t), side="right")
+        times = real_numbers("times [s]", t, error=ModelError)
+        if np.any(np.isnan(times)):
+            raise ModelError("times [s] must be numbers, got NaN among them")
+        return np.searchsorted(self.switch_times, times, side="right")
 
 
 def as_switched(model: Any) -> SwitchedSystem:

@@ -1,8 +1,8 @@
 """Whether a reference can be followed through jumps, judged by least squares on the states at the jumps.
 
 The conditions are those of Devasia, Paden, Rossi 1996, Lemma 1: nothing but what the past leaves before the first jump, outputs and
-derivatives as wanted after each, the flow of the tracking dynamics in between, and no antistable part in the end. They are few and
-the durations short, so one dense matrix with the transitions as they are holds them all.
+derivatives as wanted after each, the flow of the tracking dynamics in between, and no antistable part in the end. They are few, so
+one dense matrix holds them all.
 """
 
 from __future__ import annotations
@@ -70,21 +70,24 @@ class TrackingDynamics:
     def _derivative(drawn: DrawnJumps, t: float, order: int) -> Array:
         return np.asarray(drawn.reference(t, derivative=order)) / drawn.units.y
 
-    def flow(self, drawn: DrawnJumps, start: float, end: float) -> tuple[Array, Array]:
-        """exp(A_y (end - start)), and the integral of exp(A_y (end - s)) B_r y_d^(r)(s) ds."""
+    def flow(self, drawn: DrawnJumps, L: Array, start: float, end: float) -> tuple[Array, Array]:
+        """E and f of L x(end) = E L x(start) + f, for invariant rows L (k, n); backward in time where end < start."""
         A_y, B_r = self.law
-        Phi, f = np.eye(len(A_y)), np.zeros(len(A_y))
-        stops = np.unique([start, end, *(t for t in (0.0, drawn.duration) if start < t < end)])
-        for a, b in itertools.pairwise(stops):
-            h = (b - a) / np.ceil((b - a) / 0.25)
-            for left in np.arange(a, b - h / 2, h):
-                step = scipy.linalg.expm(A_y * h)
+        M, N = L @ A_y @ L.T, L @ B_r
+        E, f = np.eye(len(M)), np.zeros(len(M))
+        low, high = min(start, end), max(start, end)
+        stops = np.unique([low, high, *(t for t in (0.0, drawn.duration) if low < t < high)])
+        for a, b in itertools.pairwise(stops if end >= start else stops[::-1]):
+            count = int(np.ceil(abs(b - a) / 0.25))
+            h = (b - a) / count
+            for left in a + h * np.arange(count):
+                step = scipy.linalg.expm(M * h)
                 drive = sum(
-                    w * h / 2 * scipy.linalg.expm(A_y * h * (1 - c) / 2) @ B_r @ self.highest(drawn, left + h * (1 + c) / 2)
+                    w * h / 2 * scipy.linalg.expm(M * h * (1 - c) / 2) @ N @ self.highest(drawn, left + h * (1 + c) / 2)
                     for c, w in zip(NODES, WEIGHTS, strict=True)
                 )
-                Phi, f = step @ Phi, step @ f + drive
-        return Phi, f
+                E, f = step @ E, step @ f + drive
+        return E, f
 
     def left_invariant(self, *, antistable: bool) -> Array:
         """Rows L (k, n) with L A_y = M L, M antistable, or with the other eigenvalues."""
@@ -136,8 +139,7 @@ def _past(drawn: DrawnJumps, first: TrackingDynamics) -> list[Condition]:
     """But for the antistable part, what the wanted output has made of rest by the first jump."""
     L = first.left_invariant(antistable=False)
     t = float(drawn.switch_times[0])
-    reached = first.flow(drawn, 0.0, t)[1] if t > 0 else np.zeros(L.shape[1])
-    return [(_placed(L, 0, drawn), L @ reached)]
+    return [(_placed(L, 0, drawn), first.flow(drawn, L, 0.0, t)[1] if t > 0 else np.zeros(len(L)))]
 
 
 def _inner(drawn: DrawnJumps, dynamics: list[TrackingDynamics]) -> list[Condition]:
@@ -147,19 +149,23 @@ def _inner(drawn: DrawnJumps, dynamics: list[TrackingDynamics]) -> list[Conditio
         new = dynamics[k + 1]
         found.append((_placed(new.star, k, drawn), new.wanted(drawn, t)))
         if k + 1 < len(times):
-            Phi, f = new.flow(drawn, t, times[k + 1])
-            found.append((_placed(np.eye(len(f)), k + 1, drawn) - _placed(Phi, k, drawn), f))
+            for antistable in (False, True):  # each part in the direction in which it does not grow
+                L = new.left_invariant(antistable=antistable)
+                (a, since), (b, until) = ((k + 1, times[k + 1]), (k, t)) if antistable else ((k, t), (k + 1, times[k + 1]))
+                E, f = new.flow(drawn, L, since, until)
+                found.append((_placed(L, b, drawn) - _placed(E @ L, a, drawn), f))
     return found
 
 
 def _future(drawn: DrawnJumps, last: TrackingDynamics) -> list[Condition]:
     """No antistable part in the distance from the equilibrium, once the motion is over."""
     t = float(drawn.switch_times[-1])
-    Phi, f = last.flow(drawn, t, max(t, drawn.duration))
     L, plant = last.left_invariant(antistable=True), last.plant
-    held = np.concatenate([np.zeros(len(f)), np.asarray(drawn.reference(drawn.duration + 9.0)) / drawn.units.y])
-    rest = np.linalg.solve(np.block([[plant.A, plant.B], [plant.C, plant.D]]), held)[: len(f)]
-    return [(_placed(L @ Phi, len(drawn.switch_times) - 1, drawn), L @ (rest - f))]
+    E, f = last.flow(drawn, L, max(t, drawn.duration), t)
+    n = len(plant.A)
+    held = np.concatenate([np.zeros(n), np.asarray(drawn.reference(drawn.duration + 9.0)) / drawn.units.y])
+    rest = np.linalg.solve(np.block([[plant.A, plant.B], [plant.C, plant.D]]), held)[:n]
+    return [(_placed(L, len(drawn.switch_times) - 1, drawn), E @ L @ rest + f)]
 
 
 def _state(conditions: list[Condition]) -> Literal["met", "missed", "unclear"]:
