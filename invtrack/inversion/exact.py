@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from invtrack.arrays import Array
 from invtrack.errors import BoundednessError, CompatibilityError, TrajectoryError
 from invtrack.inversion.axis_zeros import require_rest_held, require_rest_left, split_through_axis
-from invtrack.inversion.redesign_call import redesign_call
+from invtrack.inversion.missing_derivative import CONSISTENCY_TOLERANCE, missing_derivative
 from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
 from invtrack.linear.normal_form import NormalForm
 from invtrack.linear.state_space import StateSpace
@@ -24,13 +23,6 @@ from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import SAME_ROW_TOLERANCE, TwoSidedProblem, TwoSidedSolution, two_sided_problem
 from invtrack.references.signal import JUMP_TOLERANCE, Generator, PiecewiseSignal
-
-CONSISTENCY_TOLERANCE = 1e-7
-"""Conditions without unknowns left must hold to this share of the size of their terms."""
-
-
-REDESIGN_ERROR = 1e-3
-"""Where a refusal names quadratic_redesign: output error, as a share of the motion, that weighs as much as the peak input."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +218,7 @@ def require_consistent(problem: PlanningProblem, splits: Sequence[SplitDynamics]
     plant, solution = problem.plant, equations.boundary
     for k, (_, size) in enumerate(equations.open_checks):
         if size > CONSISTENCY_TOLERANCE:
-            raise CompatibilityError(_missing_derivative(problem, splits[k + 1], equations.trajectory(), k, size))
+            raise CompatibilityError(missing_derivative(problem, splits[k + 1], equations.trajectory(), k, size))
     scale = max(equations.size, np.finfo(float).tiny)
     compatibility_rows = 0
     for k, miss in enumerate(solution.inconsistency[:-1]):
@@ -252,52 +244,6 @@ def require_consistent(problem: PlanningProblem, splits: Sequence[SplitDynamics]
             f"{solution.inconsistency[-1] / scale:.1e} of the trajectory's size; change the reference, the last interval's "
             "parameters, or the output"
         )
-
-
-def _missing_derivative(problem: PlanningProblem, split: SplitDynamics, trajectory: Trajectory, k: int, share: float) -> str:
-    """The sentence for a jump at which the state before decides what a derivative of an output is after it, and decides otherwise.
-
-    Args:
-        problem: plant and reference.
-        split: internal dynamics of the interval after the jump.
-        trajectory: of the inverse, exact up to the jump.
-        k: number of the jump.
-        share: by how much of its size the condition fails that fails worst.
-    """
-    plant, reference, form = problem.plant, problem.deviation, split.internal.form
-    t, n = plant.switch_times[k], plant.n_states
-    at = int(np.searchsorted(reference.breakpoints, t))
-    before, after = reference.inner_times()[at : at + 2]
-    x = trajectory.at(t, before)[0, :n]
-    owners = [(i, order) for i, r in enumerate(form.orders) for order in range(r)]
-    found, terms = form.C_star @ x, np.abs(form.C_star) @ np.abs(x)
-    wanted, left = (form.zeta.rows(partial(_columns, reference, t, inside=side))[:, 0] for side in (after, before))
-    sizes = form.zeta.size(reference.size)
-    missed = np.flatnonzero(np.abs(found - wanted) > CONSISTENCY_TOLERANCE * np.maximum(np.maximum(terms, sizes), np.abs(wanted)))
-    row = min(missed.tolist() or range(len(owners)), key=lambda row: owners[row][1])
-    i, order = owners[row]
-    times = np.linspace(reference.breakpoints[0], t, 100)
-    inputs = np.max(np.abs(trajectory.at(times, np.minimum(times, before))[:, n : n + plant.n_channels]), axis=0)
-    held = trajectory.after.held[n : n + plant.n_channels]
-    call = redesign_call(reference.size(0), inputs, held=held, error=REDESIGN_ERROR)
-    name, less = plant.outputs.names[i], ", less multiples of others," if form.combined and order else ""
-    return (
-        f"at the jump at t = {t:.6g} s no continuous state keeps the output exact: {_derivative(order, name)}{less} would jump "
-        f"from {left[row]:.4g} to {found[row]:.4g}, what the state before the jump makes of it, where the reference asks for "
-        f"{wanted[row]:.4g} (missed by {share:.1e} of the size of its terms, whatever the internal state); let the reference there "
-        f"take the value that the state before gives, or use {call} which gives up as little of the output as it must"
-    )
-
-
-def _columns(reference: PiecewiseSignal, t: float, order: int, *, inside: float) -> Array:
-    """A derivative of the reference at a time within the piece that holds `inside`, as a column (p, 1)."""
-    return np.asarray(reference(t, derivative=order, inside=inside))[:, None]
-
-
-def _derivative(order: int, name: str) -> str:
-    """A derivative of an output in words."""
-    words = ("output", "the first derivative of output", "the second derivative of output", "the third derivative of output")
-    return f"{words[order] if order < len(words) else f'the derivative of order {order} of output'} {name!r}"
 
 
 def invert(
