@@ -16,6 +16,7 @@ from invtrack.inversion.missing_derivative import CONSISTENCY_TOLERANCE, missing
 from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
 from invtrack.linear.normal_form import NormalForm
 from invtrack.linear.state_space import StateSpace
+from invtrack.linear.state_units import plant_units
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
 from invtrack.plans.problem import PlanningProblem
@@ -47,40 +48,36 @@ class InverseSystem:
 
     plant: StateSpace
     split: SplitDynamics
-    correction: Correction
+    correction: Correction | None
     system: TwoSidedSystem
 
     @classmethod
     def of(cls, plant: StateSpace, split: SplitDynamics, correction: Correction | None = None) -> InverseSystem:
         """The inverse of `plant` with these internal dynamics, which take account of the correction."""
         form = split.internal.form
-        if correction is None:
-            rho, p = len(form.C_star), plant.n_channels
-            correction = Correction(np.zeros((p, plant.n_states)), np.zeros((p, rho + p)))
-        x_s, x_u = form.V @ split.W_s, form.V @ split.W_u
+        parts = []
+        for A, W in ((split.A_s, split.W_s), (split.A_u, split.W_u)):
+            x = form.V @ W
+            if correction is None:
+                values = _tracking_values(plant, x, x @ A, np.zeros((plant.n_channels, len(A))))
+            else:
+                values = _values(plant, split, x, correction.feedback @ x)
+            parts.append(Part(A, values, x))
         T = np.vstack([form.C_star, split.L_s @ form.N, split.L_u @ form.N])
-        system = TwoSidedSystem(
-            Part(split.A_s, _values(plant, split, x_s, correction.feedback @ x_s), x_s),
-            Part(split.A_u, _values(plant, split, x_u, correction.feedback @ x_u), x_u),
-            T,
-            len(form.C_star),
-            split.neutral,
-        )
-        return cls(plant, split, correction, system)
+        return cls(plant, split, correction, TwoSidedSystem(parts[0], parts[1], T, len(form.C_star), split.neutral))
 
     def driven(self, generator: Generator) -> DrivenSystem:
         """The inverse for outputs y_d = R w, w' = S w."""
         form = self.split.internal.form
         Z, highest = form.zeta.rows(generator.derivative), form.chi.rows(generator.derivative)
-        drive = np.vstack([Z, highest])
-        return DrivenSystem(
-            system=self.system,
-            S=generator.S,
-            D_f=self.split.G_s @ drive,
-            D_b=self.split.G_u @ drive,
-            X_w=_values(self.plant, self.split, form.P @ Z, highest + self.correction.feedforward @ drive),
-            J_w=form.P @ Z,
-        )
+        drive, x = np.vstack([Z, highest]), form.P @ Z
+        D_f, D_b = self.split.G_s @ drive, self.split.G_u @ drive
+        if self.correction is None:
+            forward, backward = self.system.forward.J, self.system.backward.J
+            values = _tracking_values(self.plant, x, forward @ D_f + backward @ D_b + x @ generator.S, generator.R)
+        else:
+            values = _values(self.plant, self.split, x, highest + self.correction.feedforward @ drive)
+        return DrivenSystem(system=self.system, S=generator.S, D_f=D_f, D_b=D_b, X_w=values, J_w=x)
 
 
 def split_each(plant: SwitchedSystem) -> tuple[SplitDynamics, ...]:
@@ -90,6 +87,25 @@ def split_each(plant: SwitchedSystem) -> tuple[SplitDynamics, ...]:
     bounded. Raises NonHyperbolicError, RelativeDegreeError.
     """
     return plant.map(lambda system: split_dynamics(system, endless=plant.is_endless(system)))
+
+
+def _tracking_values(plant: StateSpace, x_rows: Array, rate_rows: Array, y_rows: Array) -> Array:
+    """Rows of [x; u; y] from those of x, x' and of the wanted y: [B; D] u = [x' - A x; y - C x].
+
+    The law u = B_y^-1 (chi - A_x x) gives the same in exact arithmetic; with gains B_y far below what A and B can do, as at the end
+    of a long chain, it is the difference of huge terms. Equations are weighed by the size of their terms, in units of the states.
+    """
+    units = plant_units(plant)
+    A_size = float(np.linalg.norm(plant.A * units / units[:, None]))
+    output_size = np.linalg.norm(plant.C * units, axis=1)
+    weights = np.concatenate([1 / units / (A_size if A_size > 0 else 1.0), 1 / np.where(output_size > 0, output_size, 1.0)])[
+        :, None
+    ]
+    gains = np.vstack([plant.B, plant.D]) * weights
+    size = np.linalg.norm(gains, axis=0)
+    u_rows = np.linalg.pinv(gains / size) @ (np.vstack([rate_rows - plant.A @ x_rows, y_rows - plant.C @ x_rows]) * weights)
+    u_rows /= size[:, None]
+    return np.vstack([x_rows, u_rows, plant.C @ x_rows + plant.D @ u_rows])
 
 
 def _values(plant: StateSpace, split: SplitDynamics, x_rows: Array, y_r_rows: Array) -> Array:

@@ -95,7 +95,7 @@ def test_intervals_of_one_model_share_their_system() -> None:
 
 def test_a_stretch_outside_the_manoeuvre_carries_its_states_over_no_time() -> None:
     late = SwitchedSystem([CANTILEVER, StateSpace(*cantilever_paper(0.0))], [50.0])
-    problem = PlanningProblem.of(late, rest_to_rest(0.0, 1.0, duration=2.0, smoothness=3))
+    problem = PlanningProblem.of(late, rest_to_rest(0.0, 1.0, duration=2.0))
     assert problem.manoeuvre == (0.0, 50.0)
     solution = inverse_problem(problem, split_each(problem.plant)).solve()
     assert [len(stretch.lengths) for stretch in solution.stretches] == [2, 0]

@@ -46,13 +46,13 @@ def slew(plant: PublishedPlant, choice: Choice, *, tolerance: float = 1e-10) -> 
     return invert(plant.square(choice), reference, tolerance=tolerance)
 
 
-def assert_followed(plant: PublishedPlant, choice: Choice) -> None:
+def assert_followed(plant: PublishedPlant, choice: Choice, *, states: float = 5e-9) -> None:
     plan = slew(plant, choice, tolerance=1e-13)
     assert plan.certificate.worst(exact=True) < 1e-9
     assert plan.certificate.rest_residual < 1e-12
     found = replay(plan, right_zeros(plant, choice))
     assert found.output_error < 1e-9
-    assert found.state_error < 5e-9
+    assert found.state_error < states
 
 
 HYPERBOLIC = cases(plant for plant in PLANTS if plant not in (*SINGULAR, *ZEROS_ON_THE_AXIS))
@@ -100,7 +100,7 @@ def test_every_choice_is_served_or_has_zeros_on_the_axis(plant: PublishedPlant) 
 def test_every_choice_without_a_vector_relative_degree_is_served(plant: PublishedPlant) -> None:
     for choice in plant.choices:
         if plant.exact.relative_degree(*choice) is None and plant.exact.zeros(*choice) is not None:
-            assert_followed(plant, choice)
+            assert_followed(plant, choice, states=1e-7)  # some choices move the J-100 three thousand times as much as others
 
 
 def test_the_replay_sees_an_error_of_a_millionth_in_the_plant() -> None:
