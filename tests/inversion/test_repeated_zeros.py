@@ -55,7 +55,7 @@ def test_a_hovering_vehicle(turn: float, design: Any, options: dict[str, Any]) -
     plan = modified_inversion(plant, reference, design=design, **{"error_poles": CHAINS, **options})
     assert plan.alpha == pytest.approx(30.0)
     assert plan.certificate.dynamics_residual < 1e-11
-    assert plan.relative_error < (0.02 if design == "least error" else 0.05)
+    assert plan.relative_error < (0.02 if design == "least error" else 0.2)  # a robust placement does not look at the error
     t = np.linspace(plan.start, 0.0, 4001)
     size = np.max(np.abs(plan(t).u), axis=1)
     early = (t < -0.3) & (t > -0.5)

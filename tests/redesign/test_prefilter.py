@@ -294,7 +294,7 @@ def test_rounding_of_the_held_value_is_no_cost() -> None:
         ({"R": 1.0, "Q_y": np.eye(2)}, r"Q_y must be .* \(1, 1\) matrix, got shape \(2, 2\)"),
         ({"R": -1.0, "Q_y": 1.0}, "R must be positive semidefinite, its smallest eigenvalue is -1"),
         ({"R": np.nan, "Q_y": 1.0}, "R has entries that are not finite"),
-        ({"R": "much", "Q_y": 1.0}, "R must be a number"),
+        ({"R": "much", "Q_y": 1.0}, "R must be numbers, got 'much'"),
         ({"R": 1.0, "Q_y": 1.0, "Q_x": [[1.0, 2.0], [0.0, 1.0]]}, "Q_x must be symmetric"),
         ({"R": 1.0, "Q_y": 1.0, "Q_x": [[1.0, 0.5j], [-0.5j, 1.0]]}, "a constant Q_x must be real"),
         ({"R": 1.0, "Q_y": 1.0, "Q_x": lambda w: [[1.0, 1j * w], [1j * w, 1.0]]}, r"Q_x must be Hermitian.* at w = 0\.\d+ rad/s"),

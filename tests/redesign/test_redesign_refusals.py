@@ -32,7 +32,7 @@ def beside(b: list[float], c: list[float], oscillator: np.ndarray = OSCILLATOR) 
         ({"R": 0.0}, r"R must be positive definite.*invtrack\.invert"),
         ({"R": -1.0}, "R must be positive semidefinite"),
         ({"R": np.eye(2)}, r"R must be a number or a \(1, 1\) matrix for the inputs \['u1'\], got shape \(2, 2\)"),
-        ({"R": "dear"}, "R must be a number"),
+        ({"R": "dear"}, "R must be numbers, got 'dear'"),
         ({"Q_x": np.diag([1.0, -1e-3, 1.0])}, "Q_x must be positive semidefinite"),
         ({"Q_x": [[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]}, "Q_x must be symmetric"),
         ({"Q_x": np.eye(3) + 0.1j * np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 0]])}, "a constant Q_x must be real"),
