@@ -66,6 +66,8 @@ def _smoothed(M: Array) -> Array:
 
 def parts(M: Array) -> Indices:
     """The part that each index is in (q,): indices of a part act on each other both ways, however weakly."""
+    if np.all(M):
+        return np.zeros(len(M), dtype=np.intp)
     # The pattern as a sparse matrix: of a dense one, scipy takes entries below 1e-8 for none.
     return np.asarray(scipy.sparse.csgraph.connected_components(scipy.sparse.csr_array(M != 0), connection="strong")[1])
 

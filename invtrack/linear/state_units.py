@@ -13,6 +13,9 @@ from invtrack.linear.state_space import StateSpace
 CLEAR = 1e-10
 """Shares below this are all alike: rounding, where the parts of a plant do not act on each other."""
 
+COARSE_PACES, FINER_STEPS = tuple(range(-20, 41, 6)), (3, 1)
+"""Exponents of two, over the fastest mode, of the paces that are looked at, and the steps in which the best is then refined."""
+
 LARGEST_EXPONENT = 1000.0
 """Bound on log2 of a feedback gain, close to what numbers hold."""
 
@@ -40,21 +43,31 @@ def _clearest(system: StateSpace) -> tuple[Array, float]:
     """
     A, B, C = (np.where(size > system.errors(name), size, 0.0) for name, size in _entries(system))
     root = float(np.max(np.abs(np.linalg.eigvals(A))))
-    paces = np.log2(root if root > 0 else 1.0) + np.arange(-20.0, 41.0, 2.0)
-    paths = _path_sizes(A, B, C)
-    steps = np.arange(len(paths))[:, None, None]
-    scales = []
-    for pace in paces:
-        strongest = np.max(paths - steps * pace, axis=0)
-        gains = np.exp2(
-            np.clip(pace - strongest, None, LARGEST_EXPONENT), where=np.isfinite(strongest), out=np.zeros_like(strongest)
-        )
-        with np.errstate(over="ignore"):  # at paces far above all that the plant does
-            loop = A + B @ gains.T @ C
-        scales.append(balancing_scale(loop if np.all(np.isfinite(loop)) else A))
-    best = int(np.argmax([_clarity(system, scale) for scale in scales]))
-    scales[best].setflags(write=False)
-    return scales[best], float(np.exp2(paces[best]))
+    centre, paths = np.log2(root if root > 0 else 1.0), _path_sizes(A, B, C)
+    found: dict[float, tuple[float, Array]] = {}
+
+    def look(exponent: float) -> float:
+        """How clear the couplings are where the loops are as fast as 2^exponent times the fastest mode."""
+        if exponent not in found:
+            units = balancing_scale(_loops(A, B, C, paths, centre + exponent))
+            found[exponent] = _clarity(system, units), units
+        return found[exponent][0]
+
+    best = max(COARSE_PACES, key=look)
+    for step in FINER_STEPS:
+        best = max((best, best - step, best + step), key=look)
+    units = found[best][1]
+    units.setflags(write=False)
+    return units, float(np.exp2(centre + best))
+
+
+def _loops(A: Array, B: Array, C: Array, paths: Array, pace: float) -> Array:
+    """A with every output fed back to every input such that the strongest loop through both is as fast as 2^pace [rad/s] (n, n)."""
+    strongest = np.max(paths - np.arange(len(paths))[:, None, None] * pace, axis=0)
+    gains = np.exp2(np.clip(pace - strongest, None, LARGEST_EXPONENT), where=np.isfinite(strongest), out=np.zeros_like(strongest))
+    with np.errstate(over="ignore"):  # at paces far above all that the plant does
+        loops = A + B @ gains.T @ C
+    return loops if np.all(np.isfinite(loops)) else A
 
 
 def _entries(system: StateSpace) -> list[tuple[str, Array]]:
