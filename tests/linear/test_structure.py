@@ -32,7 +32,7 @@ def plant_without_relative_degree(seed: int) -> StateSpace:
     return StateSpace(T @ A @ T.T, T @ B, C @ T.T, D)
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=30, derandomize=True)
 @given(st.integers(0, 10**6))
 def test_zeros_are_those_of_the_pencil_and_the_rest_lie_at_infinity(seed: int) -> None:
     plant = plant_without_relative_degree(seed)
@@ -41,7 +41,7 @@ def test_zeros_are_those_of_the_pencil_and_the_rest_lie_at_infinity(seed: int) -
     assert sum(normal_form(plant).orders) == plant.n_states - len(expected)
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=30, derandomize=True)
 @given(st.integers(0, 10**6))
 def test_rows_are_the_combinations_of_derivatives_that_they_are_said_to_be(seed: int) -> None:
     """As transfer functions: C* (s I - A)^-1 B = Z(s) G(s) and A_x (s I - A)^-1 B + B_y = X(s) G(s)."""
@@ -55,7 +55,7 @@ def test_rows_are_the_combinations_of_derivatives_that_they_are_said_to_be(seed:
             assert got == pytest.approx(expected, rel=1e-8, abs=1e-8 * np.max(np.abs(expected), initial=1.0))
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(deadline=None, max_examples=15, derandomize=True)
 @given(st.integers(0, 10**6))
 def test_units_of_states_inputs_outputs_and_time_do_not_matter(seed: int) -> None:
     plant, rng = plant_without_relative_degree(seed), np.random.default_rng(seed)
