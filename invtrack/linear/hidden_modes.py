@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import scipy  # loads scipy.optimize at its first use
-import scipy.linalg
+from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array, ComplexArray
+from invtrack.linear.staircase import unreached
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.state_units import plant_units
 
@@ -43,13 +46,9 @@ def zero_kinds(system: StateSpace, zeros: ComplexArray) -> tuple[ZeroKind, ...]:
 
 def hidden_modes(system: StateSpace) -> list[tuple[complex, ZeroKind]]:
     """The eigenvalues of A that belong to modes which no input moves or no output shows, each as often as it is hidden."""
-    scale = plant_units(system)
-    A = system.A * scale / scale[:, None]
-    unreached, unseen = _hidden_subspaces(system, scale)
-    # w' x with w in `unreached` obeys a system of its own, and so do states within `unseen`; where both meet, modes are shared.
-    U, cosines, Vh = np.linalg.svd(unreached.T @ unseen)
-    shared = int(np.sum(cosines > SHARED_TOLERANCE))
-    left, both, right = unreached @ U[:, shared:], unseen @ Vh[:shared].T, unseen @ Vh[shared:].T
+    hidden = hidden_subspaces([system])
+    A = in_units(system, hidden.units)[0]
+    left, both, right = hidden.parts
     blocks: list[tuple[Array, ZeroKind]] = [
         (left, "uncontrollable mode"),
         (both, "uncontrollable and unobservable mode"),
@@ -58,33 +57,59 @@ def hidden_modes(system: StateSpace) -> list[tuple[complex, ZeroKind]]:
     return [(complex(value), kind) for basis, kind in blocks for value in np.linalg.eigvals(basis.T @ A @ basis)]
 
 
-def _hidden_subspaces(system: StateSpace, scale: Array) -> tuple[Array, Array]:
-    """Orthonormal bases, in balanced states x / d, of what lies out of the inputs' reach, and out of the outputs' sight."""
-    A, B, C = system.A * scale / scale[:, None], system.B / scale[:, None], system.C * scale
-    B_size, C_size = (np.where(size > 0, size, 1.0) for size in (np.linalg.norm(B, axis=0), np.linalg.norm(C, axis=1)))
-    A_error = ERROR_GROWTH * float(np.linalg.norm(system.errors("A") * scale / scale[:, None]))
-    B_error = ERROR_GROWTH * float(np.linalg.norm(system.errors("B") / scale[:, None] / B_size))
-    C_error = ERROR_GROWTH * float(np.linalg.norm(system.errors("C") * scale / C_size[:, None]))
-    A_tolerance = max(COUPLING_TOLERANCE * float(np.linalg.norm(A)), A_error)
-    B_tolerance, C_tolerance = max(COUPLING_TOLERANCE, B_error), max(COUPLING_TOLERANCE, C_error)
-    unreached = _unreached(A, B / B_size, A_tolerance, B_tolerance)
-    unseen = _unreached(A.T, (C / C_size[:, None]).T, A_tolerance, C_tolerance)
-    return unreached, unseen
+@dataclass(frozen=True, eq=False)
+class HiddenSubspaces:
+    """Where hidden modes are, by orthonormal bases in states x / units.
 
-
-def _unreached(A: Array, B: Array, A_tolerance: float, B_tolerance: float) -> Array:
-    """Orthonormal basis of the complement of the controllable subspace of (A, B), by the staircase form.
-
-    Each step adds the directions that A leads to from those added before; singular values within the tolerance lead nowhere.
+    Args:
+        units: of the states, powers of two (n,).
+        unreached: complement of what the inputs reach (n, h): w' x with w in it obeys a system of its own, which no input enters.
+        unseen: states that no output shows (n, k), which stay among themselves.
     """
-    n = len(A)
-    Q, reached, steps, tolerance = np.eye(n), 0, B, B_tolerance
-    while reached < n:
-        U, sizes, _ = scipy.linalg.svd(steps)
-        added = int(np.sum(sizes > tolerance))
-        if added == 0:
-            break
-        Q[:, reached:] = Q[:, reached:] @ U
-        steps = Q[:, reached + added :].T @ A @ Q[:, reached : reached + added]
-        reached, tolerance = reached + added, A_tolerance
-    return Q[:, reached:]
+
+    units: Array
+    unreached: Array
+    unseen: Array
+
+    @property
+    def parts(self) -> tuple[Array, Array, Array]:
+        """Bases of what is only unreached, of what is unseen and cannot be reached, and of what is reached but unseen."""
+        U, cosines, Vh = np.linalg.svd(self.unreached.T @ self.unseen)
+        shared = int(np.sum(cosines > SHARED_TOLERANCE))
+        return self.unreached @ U[:, shared:], self.unseen @ Vh[:shared].T, self.unseen @ Vh[shared:].T
+
+
+def hidden_subspaces(systems: Sequence[StateSpace]) -> HiddenSubspaces:
+    """What no input of any of the systems reaches, and what none of their outputs shows, whichever of them holds when."""
+    units = np.exp2(np.rint(np.mean([np.log2(plant_units(system)) for system in systems], axis=0)))
+    judged = [couplings(system, units) for system in systems]
+    return HiddenSubspaces(
+        units=units,
+        unreached=unreached([A for A, _, _ in judged], np.hstack([B for _, B, _ in judged])),
+        unseen=unreached([A.T for A, _, _ in judged], np.hstack([C.T for _, _, C in judged])),
+    )
+
+
+def couplings(system: StateSpace, units: Array) -> tuple[Array, Array, Array]:
+    """A (n, n), B (n, p) and C (p, n) in states x / units, each divided by the largest singular value that counts as no coupling.
+
+    That is a share of the norm of A, of an input's column, of an output's row, or what the errors of the model's entries amount to.
+    """
+    A, B, C = in_units(system, units)
+    B_size, C_size = _nonzero(np.linalg.norm(B, axis=0)), _nonzero(np.linalg.norm(C, axis=1, keepdims=True))
+    A_size = _nonzero(np.linalg.norm(A))
+    A_error = ERROR_GROWTH * float(np.linalg.norm(system.errors("A") * units / units[:, None] / A_size))
+    B_error = ERROR_GROWTH * float(np.linalg.norm(system.errors("B") / units[:, None] / B_size))
+    C_error = ERROR_GROWTH * float(np.linalg.norm(system.errors("C") * units / C_size))
+    sizes = ((A, A_size, A_error), (B, B_size, B_error), (C, C_size, C_error))
+    A, B, C = (M / size / max(COUPLING_TOLERANCE, error) for M, size, error in sizes)
+    return A, B, C
+
+
+def in_units(system: StateSpace, units: Array) -> tuple[Array, Array, Array]:
+    """A, B and C in states x / units."""
+    return system.A * units / units[:, None], system.B / units[:, None], system.C * units
+
+
+def _nonzero(size: ArrayLike) -> Array:
+    return np.where(np.asarray(size) > 0, size, 1.0)

@@ -1,0 +1,81 @@
+"""The staircase form: which part of a state space inputs reach, by orthogonal transformations alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import scipy.linalg
+
+from invtrack.arrays import Array
+
+
+def unreached(A: Sequence[Array], B: Array) -> Array:
+    """Orthonormal basis (n, h) of the complement of what inputs reach through x' = A_k x + B u, with any of the A_k.
+
+    It is the complement of the smallest subspace that holds the columns of B (n, m) and that each A_k (n, n) maps into itself. Each
+    step adds the directions that the A_k lead to from those added before; couplings of size 1 and below lead nowhere, so A_k and B
+    come divided by what counts as none. Only what is not reached yet is transformed further, so that the whole takes O(n^3)
+    operations. Source: P. Van Dooren, IEEE Trans. Automatic Control 26, 1981.
+    """
+    n, reached, steps = len(B), 0, B
+    rest = [np.asfortranarray(M) for M in A]  # among the directions not reached yet
+    turns: list[_Turn] = []
+    while reached < n:
+        turn, added = _range_first(steps)
+        if added == 0:
+            break
+        turns.append(turn)
+        turned = [turn.applied_right(turn.applied_left(M, transpose=True)) for M in rest]
+        steps = np.hstack([M[added:, :added] for M in turned])
+        rest = [np.asfortranarray(M[added:, added:]) for M in turned]
+        reached += added
+    basis = np.eye(n - reached)
+    for turn in reversed(turns):
+        basis = turn.applied_left(np.vstack([np.zeros((turn.size - len(basis), n - reached)), basis]))
+    return basis
+
+
+class _Turn:
+    """An orthogonal matrix: k Householder reflectors of LAPACK's dgeqrf, then a rotation (k, k) of the first k columns."""
+
+    def __init__(self, reflectors: Array, factors: Array, rotation: Array) -> None:
+        self._reflectors, self._factors, self._rotation = reflectors, factors, rotation
+
+    @property
+    def size(self) -> int:
+        """Number of its rows."""
+        return len(self._reflectors)
+
+    def applied_left(self, M: Array, *, transpose: bool = False) -> Array:
+        """Q M, or Q' M."""
+        result = np.array(M, order="F")
+        k = len(self._rotation)
+        if transpose:
+            result = self._reflected(result, "L", "T")
+            result[:k] = self._rotation.T @ result[:k]
+            return result
+        result[:k] = self._rotation @ result[:k]
+        return self._reflected(result, "L", "N")
+
+    def applied_right(self, M: Array) -> Array:
+        """M Q, in place of M."""
+        result = self._reflected(M, "R", "N")
+        k = len(self._rotation)
+        result[:, :k] = result[:, :k] @ self._rotation
+        return result
+
+    def _reflected(self, M: Array, side: str, trans: str) -> Array:
+        if M.size == 0:
+            return M
+        room = 64 * max(M.shape)  # for LAPACK's largest blocks
+        result, _, _ = scipy.linalg.lapack.dormqr(side, trans, self._reflectors, self._factors, M, room, overwrite_c=1)
+        return np.asarray(result)
+
+
+def _range_first(M: Array) -> tuple[_Turn, int]:
+    """An orthogonal matrix whose first columns span the range of M (m, q), and how many they are: singular values above 1."""
+    (reflectors, factors), triangle = scipy.linalg.qr(M, mode="raw")
+    k = len(factors)
+    rotation, sizes, _ = scipy.linalg.svd(triangle[:k])
+    return _Turn(reflectors[:, :k], factors, rotation), int(np.sum(sizes > 1.0))
