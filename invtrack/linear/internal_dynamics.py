@@ -27,11 +27,14 @@ ROUNDING_FACTOR = 10.0
 NOT_UNIQUE = "so the bounded inverse does not exist or is not unique, and none decays both before and after the manoeuvre"
 """What follows from zeros on the axis in general."""
 
+LEAVE_OUT = "leave it out of the model (invtrack.linear.without_hidden_modes)"
+"""Where it is known that such a mode does no harm."""
+
 REMEDIES = {
     "transmission zero": "move these poles of the inverse off the axis (invtrack.modified_inversion), or track another output",
-    "uncontrollable mode": "no input moves it: damp it, add an actuator that moves it, or leave it out of the model",
-    "unobservable mode": "no output shows it: choose an output that does, damp it, or leave it out of the model",
-    "uncontrollable and unobservable mode": "no input moves it and no output shows it: leave it out of the model",
+    "uncontrollable mode": f"no input moves it: damp it, add an actuator that moves it, or {LEAVE_OUT}",
+    "unobservable mode": f"no output shows it: choose an output that does, damp it, or {LEAVE_OUT}",
+    "uncontrollable and unobservable mode": f"no input moves it and no output shows it: {LEAVE_OUT}",
 }
 
 

@@ -9,25 +9,33 @@ import scipy.linalg
 
 from invtrack.arrays import Array
 
+ROUNDING = 10.0
+"""Rounding of a coupling, in units of n eps times the norm of its matrix."""
+
 
 def unreached(A: Sequence[Array], B: Array) -> Array:
     """Orthonormal basis (n, h) of the complement of what inputs reach through x' = A_k x + B u, with any of the A_k.
 
     It is the complement of the smallest subspace that holds the columns of B (n, m) and that each A_k (n, n) maps into itself. Each
     step adds the directions that the A_k lead to from those added before; couplings of size 1 and below lead nowhere, so A_k and B
-    come divided by what counts as none. Only what is not reached yet is transformed further, so that the whole takes O(n^3)
-    operations. Source: P. Van Dooren, IEEE Trans. Automatic Control 26, 1981.
+    come divided by what counts as none. A direction to which only a weak coupling s leads is known to the rounding of its matrix
+    over s, and where it leads from there no better. Only what is not reached yet is transformed further, so that the whole takes
+    O(n^3) operations. Source: P. Van Dooren, IEEE Trans. Automatic Control 26, 1981.
     """
     n, reached, steps = len(B), 0, B
+    size = max(float(np.linalg.norm(M)) for M in A)
+    rounding = ROUNDING * n * np.finfo(float).eps * max(size, float(np.linalg.norm(B)))
     rest = [np.asfortranarray(M) for M in A]  # among the directions not reached yet
     turns: list[_Turn] = []
     while reached < n:
-        turn, added = _range_first(steps)
-        if added == 0:
+        turn, sizes = _range_first(steps)
+        if len(sizes) == 0:
             break
+        added = len(sizes)
         turns.append(turn)
         turned = [turn.applied_right(turn.applied_left(M, transpose=True)) for M in rest]
-        steps = np.hstack([M[added:, :added] for M in turned])
+        unknown = np.maximum(1.0, size * rounding / sizes)
+        steps = np.hstack([M[added:, :added] / unknown for M in turned])
         rest = [np.asfortranarray(M[added:, added:]) for M in turned]
         reached += added
     basis = np.eye(n - reached)
@@ -73,9 +81,9 @@ class _Turn:
         return np.asarray(result)
 
 
-def _range_first(M: Array) -> tuple[_Turn, int]:
-    """An orthogonal matrix whose first columns span the range of M (m, q), and how many they are: singular values above 1."""
+def _range_first(M: Array) -> tuple[_Turn, Array]:
+    """An orthogonal matrix whose first columns span what M (m, q) leads to: as many as singular values above 1, which come too."""
     (reflectors, factors), triangle = scipy.linalg.qr(M, mode="raw")
     k = len(factors)
     rotation, sizes, _ = scipy.linalg.svd(triangle[:k])
-    return _Turn(reflectors[:, :k], factors, rotation), int(np.sum(sizes > 1.0))
+    return _Turn(reflectors[:, :k], factors, rotation), sizes[sizes > 1.0]
