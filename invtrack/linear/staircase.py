@@ -19,10 +19,10 @@ def unreached(A: Sequence[Array], B: Array) -> Array:
     It is the complement of the smallest subspace that holds the columns of B (n, m) and that each A_k (n, n) maps into itself. Each
     step adds the directions that the A_k lead to from those added before; couplings of size 1 and below lead nowhere, so A_k and B
     come divided by what counts as none. A direction to which only a weak coupling s leads is known to the rounding of its matrix
-    over s, and where it leads from there no better. Only what is not reached yet is transformed further, so that the whole takes
-    O(n^3) operations. Source: P. Van Dooren, IEEE Trans. Automatic Control 26, 1981.
+    over s, and where it leads from there no better; of a single A_k, what is left is then refined. Only what is not reached yet is
+    transformed further, so that the whole takes O(n^3) operations. Source: P. Van Dooren, IEEE Trans. Automatic Control 26, 1981.
     """
-    n, reached, steps = len(B), 0, B
+    n, reached, steps, weak = len(B), 0, B, False
     size = max(float(np.linalg.norm(M)) for M in A)
     rounding = ROUNDING * n * np.finfo(float).eps * max(size, float(np.linalg.norm(B)))
     rest = [np.asfortranarray(M) for M in A]  # among the directions not reached yet
@@ -35,13 +35,32 @@ def unreached(A: Sequence[Array], B: Array) -> Array:
         turns.append(turn)
         turned = [turn.applied_right(turn.applied_left(M, transpose=True)) for M in rest]
         unknown = np.maximum(1.0, size * rounding / sizes)
+        weak |= bool(np.any(unknown > 1.0))
         steps = np.hstack([M[added:, :added] / unknown for M in turned])
         rest = [np.asfortranarray(M[added:, added:]) for M in turned]
         reached += added
     basis = np.eye(n - reached)
     for turn in reversed(turns):
         basis = turn.applied_left(np.vstack([np.zeros((turn.size - len(basis), n - reached)), basis]))
-    return basis
+    return _refined(A[0], B, basis) if weak and len(A) == 1 and 0 < n - reached < n else basis
+
+
+def _refined(A: Array, B: Array, basis: Array) -> Array:
+    """The orthonormal basis U (n, h) after a Newton step towards U'B = 0, U'A = H U': the least squares solution for both at once.
+
+    It is as well determined as the modes are that inputs do reach, by all couplings together, where the staircase takes one after
+    the other. With S a basis of the complement, U + S X is sought for which (S'A'S) X - X (U'A'U) = -S'A'U and B'S X = -B'U.
+    """
+    n, h = basis.shape
+    S = np.linalg.qr(basis, mode="complete")[0][:, h:]
+    T, Z = scipy.linalg.schur(basis.T @ A.T @ basis, output="complex")
+    own, seen = S.T @ A.T @ S, B.T @ S
+    wanted = -np.vstack([S.T @ A.T @ basis, B.T @ basis]) @ Z
+    Y = np.zeros((n - h, h), dtype=complex)
+    for j in range(h):
+        wanted[: n - h, j] += Y[:, :j] @ T[:j, j]
+        Y[:, j] = np.linalg.lstsq(np.vstack([own - T[j, j] * np.eye(n - h), seen]), wanted[:, j], rcond=None)[0]
+    return np.asarray(np.linalg.qr(basis + S @ (Y @ Z.conj().T).real)[0])
 
 
 class _Turn:

@@ -42,7 +42,7 @@ def in_other_units(system: StateSpace, states: Array, time: float, inputs: Array
 
 
 @pytest.mark.parametrize("mixed", [False, True])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(12))
 def test_response_and_zeros_are_those_of_the_part_that_is_moved_and_shown(seed: int, mixed: bool) -> None:
     """Hidden modes with multiplicity, unstable ones and ones on the axis among them, in any units of all."""
     rng = np.random.default_rng(seed)
