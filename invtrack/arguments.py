@@ -8,13 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from invtrack.arrays import Refusal
+from invtrack.arrays import Refusal, shown
 from invtrack.errors import FileError
 
 Kind = TypeVar("Kind")
-
-SHOWN = 60
-"""Characters of a value that a message shows at most."""
 
 
 def instance(name: str, value: object, kind: type[Kind] | tuple[type[Kind], ...], *, expected: str, error: Refusal) -> Kind:
@@ -76,11 +73,3 @@ def file_path(value: object) -> Path:
     if not isinstance(value, (str, Path)) or not str(value).strip() or not Path(value).name:
         raise FileError(f"expected the path of a file, such as 'runs/plan.csv', got {shown(value)}")
     return Path(value)
-
-
-def shown(value: object) -> str:
-    """What a message says of a value that should not be there: itself, if it is short, or what it is."""
-    if isinstance(value, np.ndarray) and value.ndim:
-        return f"an array of shape {value.shape}"
-    written = repr(value)
-    return written if len(written) <= SHOWN and "\n" not in written else f"a {type(value).__name__}"

@@ -25,17 +25,21 @@ SEMIDEFINITE_TOLERANCE = 1e-12
 """An eigenvalue counts as zero where it is no larger than this share of its matrix, once the matrix's diagonal is scaled to one."""
 
 
+SHOWN = 60
+"""Characters of a value that a message shows at most."""
+
+
 def real_numbers(name: str, value: ArrayLike, *, error: Refusal = TrajectoryError) -> Array:
     """A copy as real numbers of any shape, infinite ones and NaN among them; raises `error` for anything else."""
-    if isinstance(value, np.ma.MaskedArray):
+    if masked(value):
         raise error(f"{name} must be real numbers, got a masked array; fill in or leave out what is masked")
     try:
         given = np.array(value)
         numbers = given.astype(float, casting="same_kind")
     except (TypeError, ValueError, OverflowError) as reason:
-        raise error(f"{name} must be real numbers, got {value!r}: {reason}") from reason
+        raise error(f"{name} must be real numbers, got {shown(value)}: {reason}") from reason
     if given.dtype == np.bool_:
-        raise error(f"{name} must be real numbers, got {value!r}: no numbers, but true or false")
+        raise error(f"{name} must be real numbers, got {shown(value)}: no numbers, but true or false")
     return numbers
 
 
@@ -59,7 +63,9 @@ def whole_number(name: str, value: int, *, lowest: int = 0, highest: int | None 
     """A whole number from `lowest` to `highest`, also as a numpy integer; raises `error` for anything else."""
     given = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not given or value < lowest or (highest is not None and value > highest):
-        raise error(f"{name} must be a whole number from {lowest} {'on' if highest is None else f'to {highest}'}, got {value!r}")
+        raise error(
+            f"{name} must be a whole number from {lowest} {'on' if highest is None else f'to {highest}'}, got {shown(value)}"
+        )
     return int(value)
 
 
@@ -81,7 +87,7 @@ def real_vector(name: str, value: ArrayLike, entries: Sequence[str], *, error: R
     """A copy as one finite real number for each of the named `entries`, (n,); raises `error` for anything else."""
     vector = real_numbers(name, value, error=error)
     if vector.shape != (len(entries),) or not np.all(np.isfinite(vector)):
-        raise error(f"{name} must be finite, one number for each of {list(entries)}, got {value!r}")
+        raise error(f"{name} must be finite, one number for each of {list(entries)}, got {shown(value)}")
     return vector
 
 
@@ -116,15 +122,15 @@ def require_share(name: str, value: float, *, error: Refusal) -> None:
 
 def complex_numbers(name: str, value: ArrayLike, *, error: Refusal) -> ComplexArray:
     """A copy as complex numbers of any shape, infinite ones and NaN among them; raises `error` for anything else."""
-    if isinstance(value, np.ma.MaskedArray):
+    if masked(value):
         raise error(f"{name} must be numbers, got a masked array; fill in or leave out what is masked")
     try:
         given = np.array(value)
         numbers = given.astype(complex, casting="same_kind")
     except (TypeError, ValueError, OverflowError) as reason:
-        raise error(f"{name} must be numbers, got {value!r}: {reason}") from reason
+        raise error(f"{name} must be numbers, got {shown(value)}: {reason}") from reason
     if given.dtype == np.bool_:
-        raise error(f"{name} must be numbers, got {value!r}: no numbers, but true or false")
+        raise error(f"{name} must be numbers, got {shown(value)}: no numbers, but true or false")
     return numbers
 
 
@@ -156,10 +162,11 @@ def hermitian_weight(name: str, value: ArrayLike, size: int, *, meaning: str = "
         raise error(f"{name} has entries that are not finite{where}")
     # Entry by entry against its own row and column: the units of the channels may differ by orders of magnitude.
     size_of, mirrored = np.sqrt(np.abs(np.diag(matrix))), matrix.conj().T
-    if np.any(np.abs(matrix - mirrored) > SYMMETRY_TOLERANCE * (np.outer(size_of, size_of) + np.abs(matrix))):
+    allowed = SYMMETRY_TOLERANCE * np.outer(size_of, size_of) + SYMMETRY_TOLERANCE * np.abs(matrix)
+    if np.any(np.abs(matrix - mirrored) > allowed):
         kind = "Hermitian" if np.any(matrix.imag) else "symmetric"
         raise error(f"{name} must be {kind}, its halves differ by up to {np.max(np.abs(matrix - mirrored)):.3g}{where}")
-    matrix = (matrix + mirrored) / 2
+    matrix = matrix / 2 + mirrored / 2  # their sum may be beyond any float
     smallest = smallest_eigenvalue(matrix)
     if smallest < -SEMIDEFINITE_TOLERANCE * size:
         raise error(f"{name} must be positive semidefinite, its smallest eigenvalue is {smallest:.3g} of its size{where}")
@@ -197,3 +204,22 @@ def smallest_eigenvalue(matrix: Array | ComplexArray) -> float:
     diagonal = np.abs(np.diag(matrix))
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     return float(np.linalg.eigvalsh(matrix / np.outer(scale, scale))[0])
+
+
+def masked(value: object) -> bool:
+    """Whether a value is a masked array, or a list that holds one somewhere: numpy would drop the mask without a word."""
+    if isinstance(value, (list, tuple)):
+        return any(map(masked, value))
+    return isinstance(value, np.ma.MaskedArray)
+
+
+def shown(value: object) -> str:
+    """What a message says of a value that should not be there: itself, if it is short, or what it is."""
+    shape = getattr(value, "shape", ())
+    if isinstance(shape, tuple) and shape:
+        return f"an array of shape {shape}"
+    try:
+        written = repr(value)
+    except Exception:  # integers of thousands of digits have no text, and objects of users may have none
+        written = ""
+    return written if 0 < len(written) <= SHOWN and "\n" not in written else f"a {type(value).__name__}"

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from invtrack.arguments import by_name, shown, texts
+from invtrack.arguments import by_name, texts
+from invtrack.arrays import shown
 from invtrack.errors import ChannelError
 
 

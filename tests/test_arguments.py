@@ -54,8 +54,3 @@ def test_what_fits_comes_back() -> None:
     assert arguments.texts("names", np.array(["a", "b"]), expected="a list", error=ControlError) == ("a", "b")
     assert arguments.flag("phase", np.True_, error=ControlError) is True
     assert arguments.file_path("runs/plan.csv") == Path("runs/plan.csv")
-
-
-def test_a_long_value_is_shown_by_its_kind() -> None:
-    assert arguments.shown(list(range(100))) == "a list"
-    assert arguments.shown("short") == "'short'"

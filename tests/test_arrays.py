@@ -20,6 +20,13 @@ from invtrack.errors import ControlError
         (lambda: arrays.real_numbers("gain", np.ma.ones(2), error=ControlError), "got a masked array; fill in or leave out"),
         (lambda: arrays.real_numbers("gain", [True], error=ControlError), "no numbers, but true or false"),
         (lambda: arrays.real_numbers("gain", 10**400, error=ControlError), "gain must be real numbers"),
+        (lambda: arrays.real_numbers("gain", 10**5000, error=ControlError), "gain must be real numbers, got a int"),
+        (lambda: arrays.whole_number("seed", -(10**5000), error=ControlError), "a whole number from 0 on, got a int"),
+        (
+            lambda: arrays.real_numbers("gain", [[np.ma.ones(2)]], error=ControlError),
+            "gain must be real numbers, got a masked array",
+        ),
+        (lambda: arrays.real_weight("R", [np.ma.ones(1)], 1, error=ControlError), "R must be numbers, got a masked array"),
         (lambda: arrays.complex_numbers("poles", ["fast"], error=ControlError), "poles must be numbers"),
         (lambda: arrays.complex_numbers("poles", np.ma.ones(2), error=ControlError), "poles must be numbers, got a masked array"),
         (lambda: arrays.real_number("rate", [1.0], unit="Hz", error=ControlError), r"rate must be one number \[Hz\], got an array"),
@@ -55,6 +62,12 @@ def test_refusals(check: Callable[[], object], message: str) -> None:
         check()
 
 
+@pytest.mark.parametrize("unit", [2.0**-1000, 1.0, 2.0**1022])
+def test_a_weight_may_have_any_unit(unit: float) -> None:
+    weight = np.array([[1.5, 0.5], [0.5, 1.0]])
+    assert np.array_equal(arrays.real_weight("Q", weight * unit, 2, error=ControlError), weight * unit)
+
+
 def test_what_is_handed_over_is_copied() -> None:
     times = np.array([1.0, 2.0])
     arrays.increasing_times("switch times", times)[0] = 5.0
@@ -70,3 +83,24 @@ def test_a_weight_is_judged_in_units_of_its_own_channels(unit: float) -> None:
     assert np.array_equal(arrays.real_weight("Q", weight, 2, definite=True, error=ControlError), weight)
     with pytest.raises(ControlError, match=r"positive semidefinite, its smallest eigenvalue is -0\.1 of its size"):
         arrays.real_weight("Q", scale[:, None] * indefinite * scale, 2, error=ControlError)
+
+
+class Untold:
+    """An object without a text."""
+
+    def __repr__(self) -> str:
+        raise RuntimeError("not to be told")
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        ("much", "'much'"),
+        (list(range(100)), "a list"),
+        (np.ones((2, 3)), "an array of shape (2, 3)"),
+        pytest.param(10**5000, "a int", id="integer of 5001 digits"),
+        (Untold(), "a Untold"),
+    ],
+)
+def test_what_a_message_shows_of_a_value(value: object, expected: str) -> None:
+    assert arrays.shown(value) == expected

@@ -11,8 +11,8 @@ import scipy  # loads scipy.signal, which costs a second, at its first use
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from invtrack.arguments import instance, shown
-from invtrack.arrays import Array, complex_numbers, real_numbers, real_vector, require_duration, stable_poles
+from invtrack.arguments import instance
+from invtrack.arrays import Array, complex_numbers, real_numbers, real_vector, require_duration, shown, stable_poles
 from invtrack.channels import Channels
 from invtrack.control.gains import placed_gain
 from invtrack.control.protocol import Instants, Segments, numbered

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from invtrack.arguments import by_name, items, require_text, shown
-from invtrack.arrays import Array, real_numbers, real_vector
+from invtrack.arguments import by_name, items, require_text
+from invtrack.arrays import Array, real_numbers, real_vector, shown
 from invtrack.errors import InvtrackError
 from invtrack.results.result import RunResult, require_run
 

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation, LogLocator
 
-from invtrack.arguments import flag, require_text, shown, texts
-from invtrack.arrays import Array
+from invtrack.arguments import flag, require_text, texts
+from invtrack.arrays import Array, shown
 from invtrack.errors import InvtrackError
 from invtrack.figures.panels import panels_of, values_of
 from invtrack.figures.style import INK, line_looks, new_figure, shared_style

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import require_text
-from invtrack.arrays import Array, real_numbers
+from invtrack.arrays import Array, real_numbers, shown
 from invtrack.errors import PlantError
 from invtrack.plant.elements import element_id
 
@@ -106,7 +106,7 @@ class Configuration:
                 continue
             array = real_numbers(name, value, error=PlantError)
             if array.shape != values[name].shape or not np.all(np.isfinite(array)):
-                raise PlantError(f"{name} must hold {values[name].size} finite numbers, got {value!r}")
+                raise PlantError(f"{name} must hold {values[name].size} finite numbers, got {shown(value)}")
             values[name] = array
         return Configuration(**values).normalized(model)
 

@@ -8,7 +8,7 @@ from collections.abc import Container, Iterable, Sequence
 import mujoco
 import numpy as np
 
-from invtrack.arrays import Array, Indices
+from invtrack.arrays import Array, Indices, shown
 from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.plant.units import control_unit, joint_unit, sensor_unit
@@ -151,7 +151,7 @@ def coordinate_channels(model: mujoco.MjModel) -> Channels:
 def dropped_states(coordinates: Channels, names: Sequence[str]) -> tuple[str, ...]:
     """The names to drop, in the order of the coordinates. Raises PlantError for unknown names, or where none would be left."""
     if isinstance(names, str):
-        raise PlantError(f'expected a list of states to drop such as ["name"], got {names!r}')
+        raise PlantError(f'expected a list of states to drop such as ["name"], got {shown(names)}')
     known = coordinates.names
     unknown = [name for name in names if name not in known]
     if unknown:
@@ -220,4 +220,4 @@ def _require_known(kind: str, name: str, known: Iterable[str]) -> None:
 
 def _require_distinct(kind: str, names: Sequence[str]) -> None:
     if isinstance(names, str) or not names or len(set(names)) != len(names):
-        raise PlantError(f'expected a list of distinct {kind} names such as ["name"], got {names!r}')
+        raise PlantError(f'expected a list of distinct {kind} names such as ["name"], got {shown(names)}')

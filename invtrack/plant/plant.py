@@ -15,8 +15,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arguments import by_name, file_path, shown, texts
-from invtrack.arrays import Array, real_numbers
+from invtrack.arguments import by_name, file_path, texts
+from invtrack.arrays import Array, real_numbers, shown
 from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import OperatingPoint

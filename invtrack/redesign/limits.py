@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, real_numbers, real_vector
+from invtrack.arrays import Array, real_numbers, real_vector, shown
 from invtrack.channels import Channels
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem
@@ -40,9 +40,11 @@ class StateLimit:
     def __post_init__(self) -> None:
         """Checks everything that does not need a model."""
         if not isinstance(self.name, str) or not self.name:
-            raise RedesignError(f"StateLimit(name=...) must be a text, by which messages call the limit, got {self.name!r}")
+            raise RedesignError(f"StateLimit(name=...) must be a text, by which messages call the limit, got {shown(self.name)}")
         weights = list(self.row.values()) if isinstance(self.row, Mapping) else self.row
-        real_numbers(f"the weights of {self.name!r}", weights, error=RedesignError)
+        numbers = real_numbers(f"the weights of {self.name!r}", weights, error=RedesignError)
+        if numbers.ndim != 1 or not np.all(np.isfinite(numbers)):
+            raise RedesignError(f"the weights of {self.name!r} must be finite, one for each state, got {shown(self.row)}")
         _require_range(self.name, self.limit)
 
 
@@ -69,7 +71,7 @@ class Limits:
         if not isinstance(self.states, Sequence) or not all(isinstance(each, StateLimit) for each in self.states):
             raise RedesignError(
                 "Limits(states=...) must be a list of StateLimits such as "
-                f"[invtrack.StateLimit('twist', {{'th1': 1.0, 'th2': -1.0}}, 0.1)], got {self.states!r}"
+                f"[invtrack.StateLimit('twist', {{'th1': 1.0, 'th2': -1.0}}, 0.1)], got {shown(self.states)}"
             )
         names = [each.name for each in self.states]
         if len(set(names)) != len(names):
@@ -119,7 +121,7 @@ def bounds_of(limits: Limits, plant: SwitchedSystem) -> tuple[Bound, ...]:
     that the model does not have, and where nothing is limited at all.
     """
     if not isinstance(limits, Limits):
-        raise RedesignError(f"expected limits such as invtrack.Limits(input=5.0), got {limits!r}")
+        raise RedesignError(f"expected limits such as invtrack.Limits(input=5.0), got {shown(limits)}")
     n, p, point = plant.n_states, plant.n_channels, plant.operating_point
     kinds: tuple[tuple[Kind, str, Range, Channels, int, Array], ...] = (
         ("input", "input", limits.input, plant.inputs, n, point.u0),

@@ -12,7 +12,7 @@ import numpy as np
 import scipy  # loads scipy.integrate at its first use
 from numpy.typing import NDArray
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, shown
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.plan import Plan
@@ -171,7 +171,7 @@ def _points(weights: object) -> tuple[Mapping[str, Any], ...]:
     points: tuple[Any, ...] = tuple(weights) if isinstance(weights, Iterable) and not no_list else ()
     if not points or not all(isinstance(point, Mapping) and {"R", "Q_y"} <= set(point) <= WEIGHTS for point in points):
         got = [list(point) if isinstance(point, Mapping) else point for point in points] if points else weights
-        raise RedesignError(f"expected a list with, for each point, a mapping with R, Q_y and, if wanted, Q_x; got {got!r}")
+        raise RedesignError(f"expected a list with, for each point, a mapping with R, Q_y and, if wanted, Q_x; got {shown(got)}")
     return points
 
 
@@ -180,7 +180,9 @@ def _rows(quantities: object, plant: SwitchedSystem) -> dict[str, Array]:
     if quantities is None:
         return {}
     if not isinstance(quantities, Mapping) or not all(isinstance(name, str) and name for name in quantities):
-        raise RedesignError(f"quantities must be a mapping such as {{'twist': {{'th1': 1.0, 'th2': -1.0}}}}, got {quantities!r}")
+        raise RedesignError(
+            f"quantities must be a mapping such as {{'twist': {{'th1': 1.0, 'th2': -1.0}}}}, got {shown(quantities)}"
+        )
     return {name: state_row(name, row, plant) for name, row in quantities.items()}
 
 
@@ -196,13 +198,13 @@ def _require_callable(method: object, options: Mapping[str, Any]) -> None:
     given = ", ".join(f"{name}=..." for name in options)
     raise RedesignError(
         f"method must be a function such as invtrack.quadratic_redesign, called as method(model, reference, {given}), "
-        f"got {method!r}: {reason}"
+        f"got {shown(method)}: {reason}"
     )
 
 
 def _require_plan(plan: object, expected: str) -> None:
     if not isinstance(plan, Plan):
-        raise RedesignError(f"{expected}, got {plan!r}")
+        raise RedesignError(f"{expected}, got {shown(plan)}")
 
 
 def _dense_times(plan: Plan) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, real_numbers
+from invtrack.arrays import Array, real_numbers, shown
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.plan import Plan
@@ -134,7 +134,7 @@ def _shares(probabilities: ArrayLike | None, count: int) -> Array:
     """Probabilities of the models (k,) that add up to one."""
     given = np.ones(count) if probabilities is None else real_numbers("probabilities", probabilities, error=RedesignError)
     if given.shape != (count,) or not np.all(np.isfinite(given)) or np.any(given <= 0):
-        raise RedesignError(f"probabilities must be positive, one for each of {count} model(s), got {probabilities!r}")
+        raise RedesignError(f"probabilities must be positive, one for each of {count} model(s), got {shown(probabilities)}")
     return np.asarray(given / np.sum(given))
 
 

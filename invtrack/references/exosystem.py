@@ -13,7 +13,17 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import flag, items, one_of, texts
-from invtrack.arrays import Array, Indices, finite_number, increasing_times, real_matrix, real_numbers, real_vector, whole_number
+from invtrack.arrays import (
+    Array,
+    Indices,
+    finite_number,
+    increasing_times,
+    real_matrix,
+    real_numbers,
+    real_vector,
+    shown,
+    whole_number,
+)
 from invtrack.errors import TrajectoryError
 from invtrack.references.signal import Generator, PiecewiseSignal
 
@@ -275,7 +285,7 @@ def sinusoidal_exosystem(
     """
     omegas, bias = np.atleast_1d(real_numbers("frequencies", frequencies)), flag("bias", bias, error=TrajectoryError)
     if omegas.ndim != 1 or not np.all(np.isfinite(omegas) & (omegas > 0)) or len(np.unique(omegas)) != len(omegas):
-        raise TrajectoryError(f"frequencies must be positive and distinct [rad/s], got {frequencies!r}")
+        raise TrajectoryError(f"frequencies must be positive and distinct [rad/s], got {shown(frequencies)}")
     blocks = [np.zeros((1, 1))] * bias + [np.array([[0.0, omega], [-omega, 0.0]]) for omega in omegas.tolist()]
     if not blocks:
         raise TrajectoryError("expected at least one frequency, or a bias")

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, Indices, finite_number, real_numbers
+from invtrack.arrays import Array, Indices, finite_number, real_numbers, shown
 from invtrack.errors import InversionError, TrajectoryError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
@@ -128,10 +128,10 @@ class RegulationMap:
         q = self.exosystem.n_states
         times = np.atleast_1d(real_numbers("times [s]", t))
         if times.ndim != 1 or not np.all(np.isfinite(times)):
-            raise TrajectoryError(f"expected finite times (m,) [s], got {t!r}")
+            raise TrajectoryError(f"expected finite times (m,) [s], got {shown(t)}")
         within = times if inside is None else real_numbers("times inside pieces [s]", inside)
         if within.shape not in ((), times.shape) or not np.all(np.isfinite(within)):
-            raise TrajectoryError(f"inside must name a finite time [s] for each of the {len(times)} times, got {inside!r}")
+            raise TrajectoryError(f"inside must name a finite time [s] for each of the {len(times)} times, got {shown(inside)}")
         within = np.broadcast_to(within, times.shape)
         values = self.trajectory(times, self.trajectory.locate(within), slice(first * q, last * q))
         return values.reshape(len(times), last - first, q)

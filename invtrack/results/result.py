@@ -8,8 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from invtrack.arguments import instance, shown
-from invtrack.arrays import Array
+from invtrack.arguments import instance
+from invtrack.arrays import Array, shown
 from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
 

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arguments import by_name, instance, require_text, shown
-from invtrack.arrays import Array, real_number, real_numbers, require_duration
+from invtrack.arguments import by_name, instance, require_text
+from invtrack.arrays import Array, real_number, real_numbers, require_duration, shown
 from invtrack.channels import Channels
 from invtrack.control.protocol import Controller
 from invtrack.errors import SimulationError

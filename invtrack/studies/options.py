@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import tyro
 
-from invtrack.arguments import instance, texts
-from invtrack.arrays import real_number
+from invtrack.arguments import flag, instance, texts
+from invtrack.arrays import real_number, whole_number
 from invtrack.errors import SimulationError
 
 # One flag, --quiet, instead of the pair that a bool would give.
@@ -73,9 +73,10 @@ class StudyOptions:
         if self.out is not None:
             instance("--out", self.out, Path, expected="the path of a folder", error=SimulationError)
         texts("--case", self.case, expected="a list of names of cases", error=SimulationError)
-        for flag, value, lowest in (("--seed", self.seed, 0), ("--record-every", self.record_every, 1)):
-            if isinstance(value, bool) or not isinstance(value, int) or value < lowest:
-                raise SimulationError(f"{flag}: expected a whole number from {lowest} on, got {value}")
+        for name in ("json", "quiet", "figures"):
+            flag(f"--{name}", getattr(self, name), error=SimulationError)
+        whole_number("--seed", self.seed, error=SimulationError)
+        whole_number("--record-every", self.record_every, lowest=1, error=SimulationError)
 
     def that_matter(self) -> dict[str, Any]:
         """The options that change a study's numbers, those of a derived class among them, by name."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,8 @@ from tests.random_draws.valid_calls import Call, public_doors, valid_calls
 
 NONMINIMUM_PHASE = Matrices(*(np.array(M) for M in ([[0.0, 1.0], [-2.0, -3.0]], [[0.0], [1.0]], [[1.0, -1.0]], [[0.0]])))
 """(1 - s) / (s^2 + 3 s + 2): a zero at 1."""
+
+OF_ANY_NAME = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 
 
 def matrices(system: StateSpace) -> Matrices:
@@ -122,6 +125,16 @@ def test_every_public_door_has_a_call_that_succeeds() -> None:
     assert public_doors() <= {name.partition(".")[0] for name in calls}
     for name in ("StateSpace", "rest_to_rest", "simulate", "print_table"):
         calls[name].function(**calls[name].arguments)
+
+
+@pytest.mark.parametrize("name", list(valid_calls()))
+def test_every_argument_is_replaced(name: str) -> None:
+    """What a call leaves out keeps its default and would never be drawn."""
+    call = valid_calls()[name]
+    if " of " in name:  # another way to call what has a call with every argument
+        return
+    named = [each for each in inspect.signature(call.function).parameters.values() if each.kind not in OF_ANY_NAME]
+    assert {each.name for each in named} <= set(call.arguments)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")

@@ -54,6 +54,7 @@ NOT_DOORS = {
     *("Certificate", "Plan", "PolynomialSegments", "PreactuationBound", "SampledPlan", "Samples", "Tail", "Trajectory"),
     *("TwoSidedSegments", "NormalForm", "Zero", "ZeroReport", "BoundaryConditions", "Candidate", "FeasibilityReport"),
     *("IntervalReport", "JumpReport", "Modification", "ModifiedTrajectory", "TradeOff", "TradeOffPoint", "ActiveLimit"),
+    *("ActiveStretch", "Optimality", "OptimalTrajectory"),
     *("ConstrainedTrajectory", "FrequencyResponse", "ImpulseResponse", "Outcome", "Prefilter", "PrefilteredTrajectory"),
     *("ReferenceReport", "InadmissibleState", "RegulationCertificate", "RegulationMap", "Regulator", "Event", "RunResult"),
     *("Signal", "SimulatedPlant", "LinearStepper", "LinearStageInput", "OutputFeedbackLaw", "AffineLaw", "DifferenceLaw"),
@@ -164,7 +165,12 @@ def _calls() -> dict[str, Call]:
         "constant": call(references.constant, value=1.0, at=0.0),
         "autonomous": call(references.autonomous, S=[[0.0]], R=[[1.0]], w_0=[1.0], start=0.0, end=1.0),
         "piecewise_polynomial": call(
-            references.piecewise_polynomial, breakpoints=[0.0, 1.0], coefficients=[[0.0, 1.0]], time_scale=1.0, held=(0.0, 1.0)
+            references.piecewise_polynomial,
+            breakpoints=[0.0, 1.0],
+            coefficients=[[0.0, 1.0]],
+            time_scale=1.0,
+            basis="power",
+            held=(0.0, 1.0),
         ),
         "sampled_reference": call(invtrack.sampled_reference, times=times, values=values, degree=5, smoothness=2),
         "load_reference": call(invtrack.load_reference, path="reference.csv", time="time", channels=["y"], degree=5, smoothness=2),
@@ -205,13 +211,32 @@ def _calls() -> dict[str, Call]:
         # inversion
         "invert": call(invtrack.invert, model=model, reference=slew, tolerance=1e-8, max_preactuation=3.0),
         "feasibility": call(inversion.feasibility, model=model, reference=slew),
-        "modified_inversion": call(invtrack.modified_inversion, model=antistable, reference=slew, **modified),
+        "modified_inversion": call(
+            invtrack.modified_inversion,
+            model=antistable,
+            reference=slew,
+            **modified,
+            move=None,
+            interval=0,
+            design="least error",
+            output_scale=1.0,
+            tolerance=1e-8,
+            max_preactuation=3.0,
+        ),
+        "modified_inversion of named zeros": call(
+            invtrack.modified_inversion, model=antistable, reference=slew, move={2.0: 4.0}, error_poles=[-3.0]
+        ),
+        "error_bound": call(inversion.error_bound, model=antistable, reference=slew, start=-1.0, output_scale=1.0),
         "tune_modified_inversion": call(
             inversion.tune_modified_inversion,
             model=antistable,
             reference=slew,
             preactuation=1.5,
+            error=None,
             axis_distance=100.0,
+            zeros=None,
+            real_parts=(2.5, 20.0),
+            level=0.01,
             error_poles=[-3.0],
         ),
         "preactuation_trade_off": call(
@@ -220,18 +245,37 @@ def _calls() -> dict[str, Call]:
             reference=slew,
             real_parts=[3.0],
             axis_distance=100.0,
+            zeros=None,
+            level=0.01,
             error_poles=[-3.0],
         ),
-        "causal_inverse": call(invtrack.causal_inverse, model=model, reference=slew),
+        "causal_inverse": call(invtrack.causal_inverse, model=model, reference=slew, tolerance=1e-8),
         "steady_state_feedforward": call(inversion.steady_state_feedforward, model=model, reference=slew),
         # redesign
         "Limits": call(invtrack.Limits, input=1.0, input_rate=5.0, output=2.0, states=[]),
         "StateLimit": call(invtrack.StateLimit, name="twist", row={"x1": 1.0}, limit=2.0),
         "quadratic_redesign": call(
-            invtrack.quadratic_redesign, model=model, reference=bump, R=1.0, Q_x=0.1, Q_y=10.0, tolerance=1e-8, max_preactuation=5.0
+            invtrack.quadratic_redesign,
+            model=model,
+            reference=bump,
+            R=1.0,
+            Q_x=0.1,
+            Q_y=10.0,
+            probabilities=[1.0],
+            tolerance=1e-8,
+            max_preactuation=5.0,
         ),
         "constrained_redesign": call(
-            invtrack.constrained_redesign, model=model, reference=bump, R=1.0, Q_x=0.1, Q_y=10.0, limits=invtrack.Limits(input=50.0)
+            invtrack.constrained_redesign,
+            model=model,
+            reference=bump,
+            R=1.0,
+            Q_x=0.1,
+            Q_y=10.0,
+            limits=invtrack.Limits(input=50.0),
+            step=0.05,
+            tolerance=1e-8,
+            max_preactuation=5.0,
         ),
         "prefilter": call(
             redesign.prefilter,
@@ -389,7 +433,7 @@ def _calls() -> dict[str, Call]:
         ),
         "Plant.at": call(rig.at, qpos=np.zeros(3), qvel=np.zeros(3), act=None, ctrl=np.zeros(1), keyframe=None),
         "Plant.coordinates_of": call(rig.coordinates_of, x=rig.operating_point.x0),
-        "BodyMass": call(invtrack.BodyMass, body="tip"),
+        "BodyMass": call(invtrack.BodyMass, body="tip", inertia="fixed"),
         "JointStiffness": call(invtrack.JointStiffness, joint="base"),
         "JointDamping": call(invtrack.JointDamping, joint="base"),
         "TendonStiffness": call(invtrack.TendonStiffness, tendon="a"),
@@ -411,7 +455,9 @@ def _calls() -> dict[str, Call]:
             plant=invtrack.Plant.from_xml(invtrack.model_path("two_disc"), inputs=["motor"], outputs=["disc2_angle"]),
         ),
         # studies
-        "StudyOptions": call(studies.StudyOptions, out=None, timestep=1e-3, case=(), seed=0, record_every=10),
+        "StudyOptions": call(
+            studies.StudyOptions, out=None, timestep=1e-3, case=(), seed=0, json=False, quiet=True, figures=False, record_every=10
+        ),
         "Column": call(studies.Column, name="max error", unit="m", key="max_error"),
         "print_table": call(
             studies.print_table,

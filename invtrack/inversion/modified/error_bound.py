@@ -9,7 +9,7 @@ import scipy  # loads scipy.optimize at its first use
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, ComplexArray
+from invtrack.arrays import Array, ComplexArray, finite_number, real_numbers, shown
 from invtrack.errors import InversionError
 from invtrack.inversion.modified.target_chains import repeated
 from invtrack.linear.internal_dynamics import internal_dynamics, on_axis
@@ -56,12 +56,23 @@ def error_bound(model: Any, reference: PiecewiseSignal, *, start: float, output_
     plant = as_switched(model)
     require_reference(plant, reference)
     begins = reference.manoeuvre[0]
-    if not start <= begins or not np.isfinite(start):
-        raise InversionError(f"start must be a time no later than the manoeuvre's, {begins:g} s, got {start!r}")
-    scale = np.broadcast_to(np.asarray(output_scale, dtype=float), (plant.n_channels,))
+    start = finite_number("start", start, unit="s", error=InversionError)
+    if start > begins:
+        raise InversionError(f"start must be a time no later than the manoeuvre's, {begins:g} s, got {start}")
+    scale = positive_sizes(output_scale, plant.n_channels)
     if len(plant) > 1:
         return None
     return _least_error(plant.systems[0], deviation_reference(plant, reference), start, scale)
+
+
+def positive_sizes(output_scale: ArrayLike, count: int) -> Array:
+    """Sizes (count,) at which errors of the outputs count alike; raises InversionError for what is not positive and finite."""
+    sizes = real_numbers("output_scale", output_scale, error=InversionError)
+    if sizes.shape not in ((), (1,), (count,)) or not np.all(np.isfinite(sizes) & (sizes > 0)):
+        raise InversionError(
+            f"output_scale must be positive, one number or one for each of {count} outputs, got {shown(output_scale)}"
+        )
+    return np.broadcast_to(sizes, (count,)).copy()
 
 
 def _least_error(system: StateSpace, deviation: PiecewiseSignal, start: float, scale: Array) -> float | None:

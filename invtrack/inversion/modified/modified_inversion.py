@@ -12,13 +12,14 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from invtrack.arguments import one_of
 from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import InversionError, RelativeDegreeError
 from invtrack.inversion.exact import require_smooth
 from invtrack.inversion.modified.default_error_poles import default_error_poles
 from invtrack.inversion.modified.design import least_error_design, robust_design
 from invtrack.inversion.modified.design_problem import Candidate, DesignProblem
-from invtrack.inversion.modified.error_bound import error_bound
+from invtrack.inversion.modified.error_bound import error_bound, positive_sizes
 from invtrack.inversion.modified.modified_dynamics import equilibrium, has_equilibrium, undivided_dynamics
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named, require_movable
 from invtrack.inversion.modified.placement import MovablePart, movable_part
@@ -180,8 +181,7 @@ def modified_inversion(
     BoundednessError. Source: Devasia 1996 (non-hyperbolic internal dynamics), eqs. 12-18.
     """
     planning = PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation)
-    if design not in get_args(Design):
-        raise InversionError(f"design must be one of {list(get_args(Design))}, got {design!r}")
+    one_of("design", design, get_args(Design), error=InversionError)
     plant, deviation = planning.plant, planning.deviation
     wish = Wish(move, axis_distance, real_part)
     splits = undivided_dynamics(plant)
@@ -296,15 +296,7 @@ def _output_scale(output_scale: ArrayLike | None, deviation: PiecewiseSignal) ->
     motion = _motion(deviation)
     if output_scale is None:
         return np.where(motion > 0, motion, np.max(motion)) if np.any(motion > 0) else np.ones(len(motion))
-    try:
-        scale = np.broadcast_to(np.asarray(output_scale, dtype=float), motion.shape).copy()
-    except (TypeError, ValueError):
-        scale = np.zeros(0)
-    if not scale.size or not np.all(np.isfinite(scale) & (scale > 0)):
-        raise InversionError(
-            f"output_scale must be positive, one number or one for each of {len(motion)} outputs, got {output_scale!r}"
-        )
-    return scale
+    return positive_sizes(output_scale, len(motion))
 
 
 def _motion(deviation: PiecewiseSignal) -> Array:

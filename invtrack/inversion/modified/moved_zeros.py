@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Complex
 
 import numpy as np
 from numpy.typing import NDArray
 
-from invtrack.arrays import Array, ComplexArray, Indices, real_number
+from invtrack.arguments import items
+from invtrack.arrays import Array, ComplexArray, Indices, complex_numbers, real_number, shown, whole_number
 from invtrack.errors import InversionError, NonHyperbolicError
 from invtrack.linear.hidden_modes import zero_kinds
 from invtrack.linear.internal_dynamics import AXIS_TOLERANCE, REMEDIES, InternalDynamics, format_zeros, on_axis
@@ -50,7 +51,8 @@ class Wish:
         if self.move is None:
             return
         if not isinstance(self.move, Mapping) or not all(isinstance(s, Complex) for pair in self.move.items() for s in pair):
-            raise InversionError(f"move must be {{zero: where it goes}}, complex numbers [rad/s], got {self.move!r}")
+            raise InversionError(f"move must be {{zero: where it goes}}, complex numbers [rad/s], got {shown(self.move)}")
+        complex_numbers("move", [*self.move, *self.move.values()], error=InversionError)
 
     def require_known(self, zeros: ComplexArray) -> None:
         """Raises InversionError for a name that fits none of `zeros`, those of all intervals in which zeros are moved."""
@@ -103,10 +105,11 @@ def intervals_named(interval: int | Sequence[int] | None, count: int) -> list[in
     """The intervals in which zeros are moved, all of them for None. Raises InversionError for those that the plant has not."""
     if interval is None:
         return list(range(count))
-    named = np.atleast_1d(np.asarray(interval))
-    if named.dtype.kind not in "iu" or not named.size or np.any((named < 0) | (named >= count)):
-        raise InversionError(f"interval must name intervals from 0 to {count - 1}, got {named.tolist()}")
-    return [int(k) for k in np.unique(named)]
+    expected = f"one interval from 0 to {count - 1} or a list of such"
+    given = items("interval", interval, expected=expected, error=InversionError) if isinstance(interval, Iterable) else [interval]
+    if not given:
+        raise InversionError(f"interval must be {expected}, got an empty list")
+    return sorted({whole_number("interval", k, highest=count - 1, error=InversionError) for k in given})
 
 
 def _shown(zero: complex) -> str:

@@ -11,7 +11,7 @@ import scipy  # loads scipy.optimize and scipy.signal, which cost a second, at t
 import scipy.linalg
 from numpy.typing import NDArray
 
-from invtrack.arrays import Array, ComplexArray
+from invtrack.arrays import Array, ComplexArray, complex_numbers, shown
 from invtrack.errors import InversionError
 from invtrack.inversion.modified.schur_placement import schur_gain
 from invtrack.inversion.modified.target_chains import TargetChains, repeated
@@ -94,11 +94,11 @@ def movable_part(
     Raises InversionError for chain poles of a wrong number, unstable or not in conjugate pairs.
     """
     form = internal.form
-    rho, wanted = sum(form.orders), _poles(error_poles)
-    if wanted is None or len(wanted) != rho or not np.all(wanted.real < 0) or not closed_under_conjugation(wanted):
+    rho, wanted = sum(form.orders), np.ravel(complex_numbers("error_poles", error_poles, error=InversionError))
+    if len(wanted) != rho or not np.all(np.isfinite(wanted)) or not np.all(wanted.real < 0) or not closed_under_conjugation(wanted):
         raise InversionError(
             f"error_poles must be {rho} poles left of the imaginary axis, complex ones in conjugate pairs (as many as "
-            f"the relative degrees {form.orders} add up to); got {error_poles!r}"
+            f"the relative degrees {form.orders} add up to); got {shown(error_poles)}"
         )
     n_z, k = len(internal.A_eta), int(np.sum(moved))
     Q = np.zeros((n_z, 0))
@@ -117,15 +117,6 @@ def movable_part(
     return MovablePart(M, B, Y, form.orders, wanted, targets[moved])
 
 
-def _poles(values: Sequence[complex] | ComplexArray) -> ComplexArray | None:
-    """Finite complex numbers (m,), or None for what is none."""
-    try:
-        poles = np.array(values, dtype=complex).reshape(-1)
-    except (TypeError, ValueError, OverflowError):
-        return None
-    return poles if np.all(np.isfinite(poles)) else None
-
-
 def _selector(zeros: ComplexArray, moved: NDArray[np.bool_]) -> Callable[[float, float], bool]:
     def chosen(re: float, im: float) -> bool:
         return bool(moved[np.argmin(np.abs(zeros - complex(re, im)))])
@@ -142,8 +133,9 @@ def robust_gain(part: MovablePart, output_scale: Array) -> Array | None:
     if not len(part.M):
         return np.zeros((part.B.shape[1], 0))
     pace = float(np.exp(np.mean(np.log(np.abs(part.poles)))))
-    d_e = np.array([scale * pace**k for scale, r in zip(output_scale, part.degrees, strict=True) for k in range(r)])
-    d_v = np.array([scale * pace**r for scale, r in zip(output_scale, part.degrees, strict=True)])
+    sizes = output_scale / 2.0 ** np.floor(np.log2(np.max(output_scale)))  # a common factor changes nothing
+    d_e = np.array([size * pace**k for size, r in zip(sizes, part.degrees, strict=True) for k in range(r)])
+    d_v = np.array([size * pace**r for size, r in zip(sizes, part.degrees, strict=True)])
     rho = len(d_e)
     off = np.linalg.norm(part.B[rho:] * d_v) / pace if len(part.B) > rho else 1.0
     d = np.concatenate([d_e, np.full(len(part.M) - rho, off if off > 0 else 1.0)])

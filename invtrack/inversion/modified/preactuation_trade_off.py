@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from invtrack.arrays import Array, ComplexArray, real_number, real_numbers
+from invtrack.arrays import Array, ComplexArray, complex_numbers, real_number, real_numbers
 from invtrack.errors import InversionError
 from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_inversion import ModifiedTrajectory, modified_inversion
@@ -156,7 +156,7 @@ def _planner(
     model: Any, reference: PiecewiseSignal, axis_distance: float | None, named: Sequence[complex] | None, **options: Any
 ) -> tuple[Callable[[float], ModifiedTrajectory], ComplexArray]:
     """The modified inverse as a function of the real part, and the zeros that it moves."""
-    names = np.zeros(0, dtype=complex) if named is None else np.asarray(named, dtype=complex).reshape(-1)
+    names = np.zeros(0, dtype=complex) if named is None else np.ravel(complex_numbers("zeros", named, error=InversionError))
     if (axis_distance is None) == (not names.size):
         raise InversionError(f"expected either axis_distance=... or zeros=[...], got axis_distance={axis_distance}, zeros={named}")
     searched = sorted({"move", "real_part"} & options.keys())

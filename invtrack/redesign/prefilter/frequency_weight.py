@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, ComplexArray, hermitian_weight, real_weight
+from invtrack.arrays import Array, ComplexArray, hermitian_weight, masked, real_weight
 from invtrack.errors import RedesignError
 from invtrack.redesign.cost import square_root
 
@@ -48,8 +48,9 @@ class FrequencyWeight:
         if not callable(self.value):
             return np.broadcast_to(self.value.astype(complex), shape)
         given = [self._given(self.value, float(frequency)) for frequency in w]
+        hidden = [masked(value) for value in given]
         try:
-            values = np.array(given, dtype=complex)
+            values = np.zeros(()) if any(hidden) else np.array(given, dtype=complex)
         except (TypeError, ValueError, OverflowError):  # values of several shapes, or some that are no numbers
             values = np.zeros((), dtype=complex)
         plain: ComplexArray = np.zeros(shape, dtype=complex)
@@ -59,7 +60,7 @@ class FrequencyWeight:
             plain[:, np.arange(self.size), np.arange(self.size)] = values[:, None]
         else:
             plain[:] = np.nan
-        plain[[isinstance(value, np.ma.MaskedArray) for value in given]] = np.nan
+        plain[hidden] = np.nan
         # What is beyond doubt needs no closer look: finite, Hermitian to the last digit, no negative eigenvalue.
         doubtful = ~np.all(np.isfinite(plain), axis=(1, 2))
         doubtful |= np.any(plain != np.swapaxes(plain.conj(), 1, 2), axis=(1, 2))
