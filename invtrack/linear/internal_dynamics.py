@@ -118,7 +118,7 @@ def internal_dynamics(system: StateSpace) -> InternalDynamics:
         A_eta=A_eta,
         A_zeta=form.N @ A_y @ form.P,
         B_r=form.N @ system.B @ G,
-        zeros=np.sort_complex(np.linalg.eigvals(A_eta)),
+        zeros=np.sort_complex(np.linalg.eigvals(A_eta).astype(complex)),
         uncertainty=uncertainty if A_eta.size else 0.0,
     )
 

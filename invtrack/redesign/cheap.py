@@ -68,6 +68,8 @@ def certified_optimum(problem: LeastCost) -> Certified:
             break
         bound = other
     gap = max(0.0, 1 - bound / cost) if cost > 0 else 0.0
+    if not gap <= OPTIMAL and bound == 0.0 and direct is None:
+        raise refusal
     if not gap <= OPTIMAL:
         raise RedesignError(
             f"the optimum cannot be told in working precision: the best input found may cost up to {gap:.1e} of its cost too much, "

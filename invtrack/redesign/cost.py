@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import SEMIDEFINITE_TOLERANCE, Array, ComplexArray, real_weight, smallest_eigenvalue
+from invtrack.arrays import SEMIDEFINITE_TOLERANCE, Array, ComplexArray, Refusal, real_weight, smallest_eigenvalue
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan, require_plan
@@ -33,8 +33,18 @@ CONVERGED = 1e-12
 
 NODES, NODE_WEIGHTS = np.polynomial.legendre.leggauss(10)
 
-MOST_PANELS = 2**17
-"""Panels that are halved at once, at most."""
+MOST_PANELS = 2**14
+"""Panels that are halved at once, at most, or this many for each of those to begin with: halving further what rounding alone makes
+uneven gains nothing."""
+
+PANELS_EACH = 16
+"""See MOST_PANELS."""
+
+FARTHEST = 1e150
+"""Ratio of weights up to which the equations of an optimum, in which they are multiplied and divided, stay within all floats."""
+
+HELD = 1e305
+"""Ratio of weights up to which one unit holds all of them as floats with all their digits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +70,26 @@ class Weights:
         """The largest of their entries."""
         return max(float(np.max(np.abs(weight))) for weight in (self.R, self.Q_x, self.Q_y))
 
+    @property
+    def unit(self) -> float:
+        """The power of two at or below their size."""
+        return float(2.0 ** np.floor(np.log2(self.size)))
+
     def in_unit(self) -> Weights:
         """The same weights in a power of two of the cost's unit, in which the largest of their entries is about one."""
-        unit = float(2.0 ** np.floor(np.log2(self.size)))
-        return Weights(self.R / unit, self.Q_x / unit, self.Q_y / unit)
+        return Weights(self.R / self.unit, self.Q_x / self.unit, self.Q_y / self.unit)
+
+    def require_within(self, ratio: float, *, error: Refusal = RedesignError) -> None:
+        """Raises `error` for weights that lie farther apart than this ratio."""
+        weighed = [(name, np.abs(np.diag(getattr(self, name)))) for name in ("R", "Q_x", "Q_y")]
+        entries = sorted((float(entry), name) for name, diagonal in weighed for entry in diagonal if entry > 0)
+        if entries and entries[0][0] < entries[-1][0] / ratio:
+            (least, small), (most, large) = entries[0], entries[-1]
+            apart = math.log10(most) - math.log10(least)
+            raise error(
+                f"weights must lie within {ratio:g} of each other, the largest, in {large}, is 10^{apart:.0f} times the smallest, "
+                f"in {small}; bring them closer to each other, or give no weight at all to what may cost nothing"
+            )
 
     def input_weight(self, D: Array) -> Array:
         """R + D'Q_y D (p, p): everything in the cost that is quadratic in the input itself."""
@@ -115,10 +141,11 @@ def cost(plan: Plan, *, R: ArrayLike, Q_x: ArrayLike = 0.0, Q_y: ArrayLike) -> f
     plan: the plan of any method. Weights as in `quadratic_redesign`. Infinite where the plan goes on costing something before
     its start or after its end; otherwise what lies there is below the plan's tolerance, unless its preactuation was limited.
 
-    Raises RedesignError for weights that do not fit the plan's model.
+    Raises RedesignError for weights that do not fit the plan's model, and for a cost that is beyond any float.
     """
     require_plan(plan, error=RedesignError)
-    weights = as_weights(plan.model, R=R, Q_x=Q_x, Q_y=Q_y)
+    stated = as_weights(plan.model, R=R, Q_x=Q_x, Q_y=Q_y)
+    weights, unit = stated.in_unit(), stated.unit
     edges = graded_edges(plan.breakpoints, plan.preactuation, plan.postactuation)
     middle = (edges[:-1] + edges[1:]) / 2
     length = edges[-1] - edges[0]
@@ -126,7 +153,10 @@ def cost(plan: Plan, *, R: ArrayLike, Q_x: ArrayLike = 0.0, Q_y: ArrayLike) -> f
     lasting = weights.rate(*far) - ROUNDING * weights.terms(*far)
     if np.max(lasting) > AT_REST * np.max(weights.rate(*_deviations(plan, middle, None))):
         return math.inf
-    return quadrature(lambda times, inside: weights.rate(*_deviations(plan, times, inside)), edges)
+    total = unit * quadrature(lambda times, inside: weights.rate(*_deviations(plan, times, inside)), edges)
+    if not math.isfinite(total):
+        raise RedesignError(f"the cost is beyond any float, got {total}; state the weights in a unit of cost that is larger")
+    return total
 
 
 def quadrature(rate: Callable[[Array, Array], Array], edges: Array, converged: float = CONVERGED) -> float:
@@ -134,7 +164,7 @@ def quadrature(rate: Callable[[Array, Array], Array], edges: Array, converged: f
 
     Panels are halved until that changes what each adds by no more than the share `converged` of the integral.
     """
-    left, right = edges[:-1], edges[1:]
+    left, right, most = edges[:-1], edges[1:], max(MOST_PANELS, PANELS_EACH * len(edges))
     whole, total = _integrals(rate, left, right), 0.0
     while True:
         centre = (left + right) / 2
@@ -144,7 +174,7 @@ def quadrature(rate: Callable[[Array, Array], Array], edges: Array, converged: f
         unsettled = np.repeat(change > converged * (total + float(np.sum(halves))), 2)
         total += float(np.sum(halves[~unsettled]))
         left, right, whole = left[unsettled], right[unsettled], halves[unsettled]
-        if len(whole) == 0 or len(whole) > MOST_PANELS:
+        if len(whole) == 0 or len(whole) > most:
             return total + float(np.sum(whole))
 
 

@@ -15,7 +15,7 @@ from invtrack.plans.problem import AT_REST, PlanningProblem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import Driveable, two_sided_problem
-from invtrack.redesign.cost import FREE_HOLDING, ROUNDING, Weights, graded_edges, quadrature, without_rounding
+from invtrack.redesign.cost import FARTHEST, FREE_HOLDING, HELD, ROUNDING, Weights, graded_edges, quadrature, without_rounding
 from invtrack.redesign.optimality import Conditions, reach
 from invtrack.redesign.optimum import TrackedSystem, optimum
 from invtrack.redesign.riccati import ADVICE, PrecisionError
@@ -48,6 +48,7 @@ class LeastCost:
     @classmethod
     def of(cls, problems: Sequence[PlanningProblem], weights: Weights, shares: Array) -> LeastCost:
         """Plants whose states and outputs weigh as `weights` says, each by its share (k,)."""
+        weights.require_within(HELD)
         Q_x, Q_y = (scipy.linalg.block_diag(*(share * Q for share in shares)) for Q in (weights.Q_x, weights.Q_y))
         return cls([held_still(problem) for problem in problems], Weights(weights.R, Q_x, Q_y).in_unit())
 
@@ -61,6 +62,7 @@ class LeastCost:
 
         Raises RedesignError where it does not exist, or its equations are too far out of working precision.
         """
+        self.weights.require_within(FARTHEST, error=PrecisionError)
         first, p = self.problems[0], self.problems[0].plant.n_channels
         systems = self._systems()
         if np.any(self.weights.Q_y):

@@ -19,7 +19,7 @@ from invtrack.redesign.riccati import QuadraticCost, optimal_feedback
 from invtrack.references.signal import Generator
 
 AXIS_TOLERANCE = 1e-6
-"""A mode counts as lying on the imaginary axis within this share of |A|: rounding splits double modes by sqrt(eps)."""
+"""A mode counts as lying on the imaginary axis within this share of |A|, balanced: rounding splits double modes by sqrt(eps)."""
 
 HIDDEN_TOLERANCE = 1e-9
 """A mode counts as unweighted, or as beyond the inputs' reach, where its test's smallest singular value is below this share."""
@@ -161,8 +161,10 @@ def _hidden_mode(M: Array, rows: Array, *, unstable_too: bool) -> complex | None
     """A mode of M on the imaginary axis (or right of it) whose eigenvector the rows do not see (Hautus), or None."""
     size, row_size = np.linalg.norm(M, 2), np.linalg.norm(rows, 2)
     rows = rows * (size / row_size) if row_size > 0 else rows
+    # In units of the states that its own entries ask for: what weights and inputs make of the units must not move the axis.
+    own_size = np.linalg.norm(scipy.linalg.matrix_balance(M, permute=False)[0], 2)
     for mode in np.linalg.eigvals(M):
-        on_axis = abs(mode.real) <= AXIS_TOLERANCE * size
+        on_axis = abs(mode.real) <= AXIS_TOLERANCE * own_size
         if not on_axis and not (unstable_too and mode.real > 0):
             continue
         at = complex(0.0, mode.imag) if on_axis else complex(mode)

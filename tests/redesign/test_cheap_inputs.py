@@ -8,7 +8,10 @@ import pytest
 from invtrack.errors import RedesignError
 from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import StateSpace
+from invtrack.redesign.constrained import constrained_redesign
 from invtrack.redesign.cost import cost
+from invtrack.redesign.limits import Limits
+from invtrack.redesign.prefilter.prefilter import prefilter
 from invtrack.redesign.quadratic import quadratic_redesign
 from invtrack.references.profiles import rest_to_rest
 from invtrack.references.signal import PiecewiseSignal
@@ -45,6 +48,28 @@ def test_an_output_error_dear_beyond_all_measure(dear: float) -> None:
     times = np.linspace(-3.0, 8.0, 50)
     assert np.array_equal(plan(times).u, exact(times).u)
     assert any("exact inversion" in remark for remark in plan.remarks)
+
+
+@pytest.mark.parametrize("weights", [{"R": 1e-300, "Q_y": 1e300}, {"R": 1.0, "Q_y": 1.0, "Q_x": 1e306}, {"R": 1e306, "Q_y": 1.0}])
+def test_weights_that_no_unit_holds_are_refused_as_such(weights: dict[str, float]) -> None:
+    with pytest.raises(RedesignError, match=r"weights must lie within 1e\+305 of each other, the largest, in .*, is 10.* times"):
+        quadratic_redesign(ZERO_AT_ONE, pulse(), **weights)
+    with pytest.raises(RedesignError, match=r"weights must lie within 1e\+305 of each other"):
+        constrained_redesign(ZERO_AT_ONE, pulse(), limits=Limits(input=50.0), **weights)
+    with pytest.raises(RedesignError, match=r"weights must lie within 1e\+150 of each other"):
+        prefilter(ZERO_AT_ONE, **weights)
+
+
+def test_inputs_too_dear_for_the_equations_are_refused_for_that() -> None:
+    with pytest.raises(RedesignError, match=r"weights must lie within 1e\+150 of each other, the largest, in R, is 10\^300 times"):
+        quadratic_redesign(ZERO_AT_ONE, pulse(), R=1e300, Q_y=1.0)
+
+
+def test_the_least_move_of_inputs_as_dear_as_can_be() -> None:
+    """With R so large that the input's own effect is negligible, u is proportional to 1 / R."""
+    times = np.linspace(-3.0, 8.0, 50)
+    dear, dearer = (quadratic_redesign(ZERO_AT_ONE, pulse(), R=R, Q_y=1.0)(times).u * R for R in (1e12, 1e140))
+    assert np.max(np.abs(dear - dearer)) < 1e-10 * np.max(np.abs(dear))
 
 
 def test_the_cost_in_the_frequency_domain() -> None:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from invtrack.errors import RedesignError
 from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import StateSpace
 from invtrack.redesign.cost import cost
@@ -20,6 +21,17 @@ def test_exact_tracking_of_a_quintic_by_an_integrator() -> None:
     """u = y' = 30 s^2 (1 - s)^2 / T with s = t / T: the integral of u^2 is 900 B(5, 5) / T = 10 / (7 T)."""
     plan = invert(INTEGRATOR, rest_to_rest(0.0, 1.0, 4.0))
     assert cost(plan, R=2.0, Q_y=7.0) == pytest.approx(2.0 * 10 / (7 * 4.0), rel=1e-10)
+
+
+@pytest.mark.parametrize("unit", [1e-300, 1e300])
+def test_a_cost_in_any_unit(unit: float) -> None:
+    plan = invert(INTEGRATOR, rest_to_rest(0.0, 1.0, 4.0))
+    assert cost(plan, R=2.0 * unit, Q_y=7.0 * unit) / unit == pytest.approx(2.0 * 10 / (7 * 4.0), rel=1e-10)
+
+
+def test_a_cost_beyond_any_float_is_refused() -> None:
+    with pytest.raises(RedesignError, match="the cost is beyond any float"):
+        cost(invert(INTEGRATOR, rest_to_rest(0.0, 1e4, 1e-3)), R=1e305, Q_y=1.0)
 
 
 def test_a_swing_is_followed_over_all_its_periods() -> None:

@@ -245,6 +245,15 @@ def test_far_from_the_motion_it_is_at_rest_where_it_began_and_where_it_ends() ->
     assert found.u[:, 0] == pytest.approx([0.0, 0.0], abs=1e-7)
 
 
+@pytest.mark.parametrize("unit", [1e-300, 1e307])
+def test_what_weights_are_counted_in_changes_nothing(unit: float) -> None:
+    plain, other = (prefilter(INTEGRATOR, R=0.25 * each, Q_y=each) for each in (1.0, unit))
+    w = np.array([0.0, 0.3, 4.0])
+    assert other.decay_rate == pytest.approx(plain.decay_rate, rel=1e-12)
+    assert other.bandwidth == pytest.approx(plain.bandwidth, rel=1e-12)
+    assert np.max(np.abs(other.frequency_response(w).G_u - plain.frequency_response(w).G_u)) < 1e-12
+
+
 def test_constant_functions_as_weights_equal_constants() -> None:
     reference, times = rest_to_rest(0.0, 1.0, 15.0), np.linspace(-20.0, 40.0, 61)
     functions = {name: (lambda w, value=value: value) for name, value in RIG_WEIGHTS.items()}

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from invtrack.arrays import Array, ComplexArray, real_matrix
 from invtrack.errors import RedesignError
 from invtrack.linear.state_space import StateSpace
+from invtrack.redesign.cost import FARTHEST, Weights
 from invtrack.redesign.prefilter.fourier import FourierWindow
 from invtrack.redesign.prefilter.frequency_weight import FrequencyWeight
 
@@ -99,7 +100,9 @@ class OptimalResponse:
         """
         A, B, C, D = self.model.A, self.model.B, self.model.C, self.model.D
         n, p = self.model.n_states, self.model.n_channels
-        R, Q_x, Q_y = (weight.at(w).real for weight in (self.R, self.Q_x, self.Q_y))
+        weights = Weights(*(weight.at(w).real for weight in (self.R, self.Q_x, self.Q_y)))
+        weights = weights.in_unit() if weights.size > 0 else weights  # a common factor changes nothing
+        R, Q_x, Q_y = weights.R, weights.Q_x, weights.Q_y
         S = C.T @ Q_y @ D
         H = np.block(
             [[A, np.zeros((n, n)), B], [-(Q_x + C.T @ Q_y @ C), -A.T, -S], [S.T, B.T, R + D.T @ Q_y @ D]],
@@ -147,6 +150,7 @@ def time_scales(response: OptimalResponse, probes: Array) -> tuple[float, float]
     if response.Q_y.is_zero:
         return float(-np.max(own.real)), float(np.max(np.abs(own)))
     if all(weight.is_constant for weight in (response.R, response.Q_x, response.Q_y)):
+        Weights(*(weight.at(0.0).real for weight in (response.R, response.Q_x, response.Q_y))).require_within(FARTHEST)
         poles = response.poles(0.0)
         _require_off_axis(poles)
     else:
