@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mujoco
 
+from invtrack.arrays import shown
 from invtrack.errors import PlantError
 from invtrack.plant.couplings import callbacks_suspended, require_known_elements
 from invtrack.plant.elements import add_output_sensors, element_name, listed
@@ -24,7 +25,7 @@ def model_path(name: str) -> Path:
     available = {path.stem: path for folder in reversed(folders) for path in folder.glob("*.xml")}
     if not isinstance(name, str) or name not in available:
         raise PlantError(
-            f"no shipped model is named {name!r}; there are: {', '.join(sorted(available)) or 'none'}."
+            f"no shipped model is named {shown(name)}; there are: {', '.join(sorted(available)) or 'none'}."
             " Give Plant.from_xml the path of your own MJCF file instead"
         )
     return available[name]

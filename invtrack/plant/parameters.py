@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from invtrack.arguments import items, one_of, require_text
-from invtrack.arrays import finite_number
+from invtrack.arrays import finite_number, shown
 from invtrack.errors import PlantError, SimulationError
 from invtrack.plant.elements import element_id
 
@@ -222,7 +222,9 @@ def ordered(schedule: Sequence[Change]) -> list[Change]:
     schedule = items("schedule", schedule, expected="a list of changes", error=SimulationError)
     strange = [change for change in schedule if not isinstance(change, Change)]
     if strange:
-        raise SimulationError(f"the schedule holds {strange[0]!r}; expected changes such as invtrack.Change(3.0, tip_mass=100.0)")
+        raise SimulationError(
+            f"the schedule holds {shown(strange[0])}; expected changes such as invtrack.Change(3.0, tip_mass=100.0)"
+        )
     result = sorted(schedule, key=lambda change: change.time)
     for first, second in itertools.pairwise(result):
         if first.time == second.time:

@@ -74,7 +74,7 @@ class TradeOff:
         """One figure of all outcomes, (m,). Raises RedesignError for an unknown one."""
         known = self.outcomes[0].figures
         if not isinstance(figure, str) or figure not in known:
-            raise RedesignError(f"no figure named {figure!r}; there are: {', '.join(known)}")
+            raise RedesignError(f"no figure named {shown(figure)}; there are: {', '.join(known)}")
         return np.array([outcome.figures[figure] for outcome in self.outcomes])
 
     def shares(self, figure: str) -> Array:

@@ -254,6 +254,12 @@ def test_what_weights_are_counted_in_changes_nothing(unit: float) -> None:
     assert np.max(np.abs(other.frequency_response(w).G_u - plain.frequency_response(w).G_u)) < 1e-12
 
 
+@pytest.mark.parametrize("level", [1e-100, 5e-324])
+def test_a_level_below_all_rounding_is_refused_for_that(level: float) -> None:
+    with pytest.raises(RedesignError, match=r"the kernel is truncated by .* which hides when it stays below"):
+        prefilter(INTEGRATOR, R=1.0, Q_y=1.0).preview_time(level)
+
+
 def test_constant_functions_as_weights_equal_constants() -> None:
     reference, times = rest_to_rest(0.0, 1.0, 15.0), np.linspace(-20.0, 40.0, 61)
     functions = {name: (lambda w, value=value: value) for name, value in RIG_WEIGHTS.items()}

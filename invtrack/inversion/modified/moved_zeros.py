@@ -41,7 +41,7 @@ class Wish:
         if (self.move is None) == (self.axis_distance is None) or (self.axis_distance is None) != (self.real_part is None):
             raise InversionError(
                 "expected either move={zero: where it goes} or both axis_distance=... and real_part=...; got "
-                f"move={self.move}, axis_distance={self.axis_distance}, real_part={self.real_part}"
+                f"move={shown(self.move)}, axis_distance={shown(self.axis_distance)}, real_part={shown(self.real_part)}"
             )
         for name, value in (("axis_distance", self.axis_distance), ("real_part", self.real_part)):
             if value is not None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from invtrack.arrays import Array, ComplexArray, complex_numbers, real_number, real_numbers
+from invtrack.arrays import Array, ComplexArray, complex_numbers, real_number, real_numbers, shown
 from invtrack.errors import InversionError
 from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_inversion import ModifiedTrajectory, modified_inversion
@@ -101,7 +101,7 @@ def tune_modified_inversion(
     wishes = [wish for wish in (preactuation, error) if wish is not None]
     if len(wishes) != 1 or not real_number("what can be afforded", wishes[0], error=InversionError) > 0:
         raise InversionError(
-            f"expected a positive preactuation [s] or a positive error, got preactuation={preactuation}, error={error}"
+            f"expected a positive preactuation [s] or error, got preactuation={shown(preactuation)}, error={shown(error)}"
         )
     plan, moved = _planner(model, reference, axis_distance, zeros, error_poles=error_poles, **options)
     given = _range(moved) if real_parts is None else real_parts

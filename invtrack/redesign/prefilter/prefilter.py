@@ -170,7 +170,7 @@ class Prefilter:
         Raises RedesignError as `impulse_response` and its `preview_time` do.
         """
         require_share("level", level, error=RedesignError)
-        return self.impulse_response(tolerance=min(1e-3, level / 10)).preview_time(level)
+        return self.impulse_response(tolerance=max(min(1e-3, level / 10), float(np.finfo(float).eps))).preview_time(level)
 
     def apply(
         self, reference: PiecewiseSignal, times: ArrayLike | None = None, *, tolerance: float = 1e-8
