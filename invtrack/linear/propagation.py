@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg
@@ -13,9 +13,15 @@ from numpy.typing import NDArray
 
 from invtrack.arrays import Array, Indices
 from invtrack.linear.scaling import balancing_scale
-
-NODE_ANGLE = 1 / 16
-"""Distance of the nodes from which Taylor series start, times the norm of M."""
+from invtrack.linear.transition_powers import (
+    NODE_ANGLE,
+    DrivenPowers,
+    OwnPowers,
+    TransitionPowers,
+    TransposedPowers,
+    doublings,
+    exponential_less_one,
+)
 
 SPARSE = 16
 """Where fewer times than this share a node, every so many nodes are used: longer series cost less than more nodes."""
@@ -38,9 +44,6 @@ CHUNK_ENTRIES = 2**17
 ENTRYWISE = 4
 """How much longer an entry takes in a sum of arrays than in a product of matrices."""
 
-DIRECT_DIGITS = 4
-"""exp(M h 2^b) up to this b comes from its difference from 1, which loses no digits when it is doubled."""
-
 VAN_LOAN_NORM = 0.5
 """Norm up to which a Gramian is read off one exponential; beyond, that of a shorter time is doubled, which cancels nothing."""
 
@@ -54,31 +57,47 @@ class Propagator:
     exponentials that decay never overflow, whatever tau.
     """
 
-    def __init__(self, M: Array) -> None:
-        # Scales that are powers of two: balancing brings down the norm, and the number of nodes, without rounding.
-        self._scale = balancing_scale(M, within_parts=True)
-        self._M = M * self._scale / self._scale[:, None]
-        norm = _norm_bound(self._M)
-        self._step = NODE_ANGLE / norm if norm > 0 else math.inf
-        self._digits: list[Array] = []
+    def __init__(self, M: Array, powers: TransitionPowers | None = None) -> None:
+        """M (q, q); powers: of M, where they are known from another matrix's."""
+        self.M, self._powers = M, powers or OwnPowers(M)
 
     @property
     def size(self) -> int:
         """Number of states q."""
-        return len(self._M)
+        return len(self.M)
+
+    @cached_property
+    def pace(self) -> float:
+        """How fast exp(M t) changes [rad/s], free of the units of its states; 0 without states."""
+        return float(np.linalg.norm(self._powers.matrix, 2)) if self.M.size else 0.0
+
+    @cached_property
+    def growth(self) -> float:
+        """The largest real part of M's eigenvalues [1/s]; minus infinity without states."""
+        return float(np.max(np.linalg.eigvals(self.M).real, initial=-math.inf))
+
+    @cached_property
+    def transposed(self) -> Propagator:
+        """That of M', which shares what is worked out for M."""
+        return Propagator(self.M.T, TransposedPowers(self._powers))
+
+    def driven(self, D: Array, S: Array) -> Propagator:
+        """That of [M D; 0 S], which shares what is worked out for M: D (q, r), S (r, r)."""
+        M = np.block([[self.M, D], [np.zeros((len(S), self.size)), S]])
+        return Propagator(M, None if math.isinf(self._powers.step) else DrivenPowers(self._powers, D, S))
 
     def matrix(self, tau: float) -> Array:
         """exp(M tau) (q, q) for one time tau [s], not negative."""
         q = self.size
-        if math.isinf(self._step):
+        if math.isinf(self._powers.step):
             return np.eye(q)
-        count = round(tau / self._step)
-        share = tau / self._step - count
-        result = np.eye(q) + _exponential_less_one(self._M * (self._step * share))
+        count = round(tau / self._powers.step)
+        share = tau / self._powers.step - count
+        result = np.eye(q) + exponential_less_one(self._powers.matrix * (self._powers.step * share))
         for bit in range(count.bit_length()):
             if count >> bit & 1:
-                result = self._digit(bit) @ result
-        return self._scale[:, None] * result / self._scale
+                result = self._powers.digit(bit) @ result
+        return self._powers.scale[:, None] * result / self._powers.scale
 
     def states(self, v: Array, tau: Array) -> Array:
         """exp(M tau_i) v_i for states v (m, q) and times tau (m,) [s]: (m, q)."""
@@ -98,10 +117,10 @@ class Propagator:
                 spaced [s].
         """
         result = np.empty((len(tau), len(X)))
-        if math.isinf(self._step):
+        if math.isinf(self._powers.step):
             np.matmul(v[owner], X.T, out=result)
             return result
-        rows, v = _Rows(X * self._scale, self._M * self._step), v / self._scale
+        rows, v = _Rows(X * self._powers.scale, self._powers.matrix * self._powers.step), v / self._powers.scale
         long = max(LONG_STRETCH, self.size)
         edges = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1, [len(tau)]]) if len(tau) else np.zeros(1, dtype=int)
         done = 0
@@ -123,33 +142,24 @@ class Propagator:
     def _even(self, X: Array, v: Array, start: float, spacing: float, result: Array) -> None:
         """result[j] = X exp(M (start + j spacing)) v: the states at every B-th time, times X exp(M i spacing) for i < B."""
         m, (k, q) = len(result), X.shape
-        doublings = self._doublings(spacing)
+        halvings = max(0, math.ceil(math.log2(2 * NODE_ANGLE * spacing / self._powers.step)))
+        transitions = doublings(self._powers.matrix, spacing, halvings)
         within = X[np.newaxis]
         while 4 * len(within) ** 2 * k <= m and 2 * len(within) * k <= CHUNK:  # as many entries as there are states, about
-            within = np.concatenate([within, within @ next(doublings)])
+            within = np.concatenate([within, within @ next(transitions)])
         blocks = -(-m // len(within))
         states = np.empty((blocks, q))
         states[:1] = self._carried(v[np.newaxis], np.zeros(1, dtype=np.intp), np.array([start]))
         filled = 1
         while filled < blocks:
             more = min(filled, blocks - filled)
-            states[filled : filled + more] = states[:more] @ next(doublings).T
+            states[filled : filled + more] = states[:more] @ next(transitions).T
             filled += more
         result[:] = (states @ within.reshape(-1, q).T).reshape(-1, k)[:m]
 
-    def _doublings(self, spacing: float) -> Iterator[Array]:
-        """exp(M 2^j spacing) for j = 0, 1, ...: what they differ from 1 by is doubled, which keeps the digits of small ones."""
-        halvings = max(0, math.ceil(math.log2(2 * NODE_ANGLE * spacing / self._step)))
-        less_one = _exponential_less_one(self._M * (spacing / 2**halvings))
-        for _ in range(halvings):
-            less_one = 2 * less_one + less_one @ less_one
-        while True:
-            yield np.eye(self.size) + less_one
-            less_one = 2 * less_one + less_one @ less_one
-
     def _carried(self, v: Array, owner: Indices, tau: Array) -> Array:
         """exp(M tau_i) v[owner_i] in scaled coordinates."""
-        cells = _Cells.of(tau / self._step, owner)
+        cells = _Cells.of(tau / self._powers.step, owner)
         return self._summed(self._nodes(v[cells.owner], cells.count), cells)
 
     def _scattered(self, rows: _Rows, v: Array, owner: Indices, tau: Array, result: Array) -> None:
@@ -157,7 +167,7 @@ class Propagator:
         length = min(CHUNK, max(LONG_STRETCH, CHUNK_ENTRIES // (k + q)))
         for first in range(0, len(tau), length):
             part = slice(first, first + length)
-            cells = _Cells.of(tau[part] / self._step, owner[part])
+            cells = _Cells.of(tau[part] / self._powers.step, owner[part])
             nodes = self._nodes(v[cells.owner], cells.count)
             m, c, terms = len(cells.cell), len(nodes), cells.terms
             summed_first = terms * (c * q * q + ENTRYWISE * m * q) + m * k * q
@@ -169,7 +179,7 @@ class Propagator:
 
     def _summed(self, nodes: Array, cells: _Cells) -> Array:
         """The Taylor series from the cells' nodes to the times, (m, q)."""
-        M, share = self._M.T * self._step, cells.remainder
+        M, share = self._powers.matrix.T * self._powers.step, cells.remainder
         term, result = nodes, nodes[cells.cell]
         for j in range(1, cells.terms):
             term = term @ M / j
@@ -181,16 +191,8 @@ class Propagator:
         for bit in range(int(count.max(initial=0)).bit_length()):
             chosen = (count >> bit) & 1 == 1
             if np.any(chosen):
-                v[chosen] = v[chosen] @ self._digit(bit).T
+                v[chosen] = v[chosen] @ self._powers.digit(bit).T
         return v
-
-    def _digit(self, bit: int) -> Array:
-        """exp(M h 2^bit)."""
-        if not self._digits:
-            self._digits = list(itertools.islice(self._doublings(self._step), DIRECT_DIGITS + 1))
-        while len(self._digits) <= bit:
-            self._digits.append(self._digits[-1] @ self._digits[-1])
-        return self._digits[bit]
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,34 +241,6 @@ class _Rows:
             result *= share
             result += (nodes @ term.T)[cells.cell]
         return result
-
-
-def _norm_bound(M: Array) -> float:
-    """A bound on a norm of M (q, q), the smaller one of two: the largest column sum, or the 2-norm by that of M'M."""
-    if not M.size:
-        return 0.0
-    norm = float(np.linalg.norm(M, 1))
-    if norm == 0:
-        return 0.0
-    M = M / norm
-    return norm * min(1.0, math.sqrt(float(np.linalg.norm(M.T @ M, 1))))
-
-
-def _exponential_less_one(M: Array) -> Array:
-    """exp(M) - 1 of a matrix (q, q) with a norm of at most 1/2, to the precision of its own entries.
-
-    Source: M. Paterson, L. Stockmeyer, "On the number of nonscalar multiplications necessary to evaluate polynomials", SIAM J.
-    Computing 2, 1973.
-    """
-    degree, powers = TERMS[SPARSE], [M]
-    while len(powers) ** 2 < degree:
-        powers.append(powers[-1] @ M)
-    result = np.zeros_like(M)
-    for first in reversed(range(0, degree, len(powers))):
-        result = powers[-1] @ result if first + len(powers) < degree else result
-        for j, power in enumerate(powers[: degree - first], start=first + 1):
-            result += power / math.factorial(j)
-    return result
 
 
 def _even_spacing(tau: Array, resolution: float) -> float | None:

@@ -69,7 +69,7 @@ def input_growth(plan: Plan) -> InputGrowth:
     u_rest = u_0 + tail.held[rows]
     if not tail.departs:
         return _none(u_rest)
-    A, X, z = -tail.M, tail.X[rows], tail.v
+    A, X, z = -tail.departure.M, tail.X[rows], tail.v
     rates, vectors = np.linalg.eig(A)
     shares = (X @ vectors) * np.linalg.solve(vectors, z.astype(complex))
     size = np.linalg.norm(shares, axis=0)

@@ -27,12 +27,13 @@ class Tail:
 
     Args:
         direction: -1 before the manoeuvre, 1 after it.
-        M, X, v: of the departure, (n, n), (r, n) and (n,).
+        departure: exp(M sigma) for the departure's M (n, n).
+        X, v: of the departure, (r, n) and (n,).
         S, X_w, w: of the particular solution, (q, q), (r, q) and (q,).
     """
 
     direction: int
-    M: Array
+    departure: Propagator
     X: Array
     v: Array
     S: Array
@@ -43,16 +44,18 @@ class Tail:
     def holding(cls, direction: int, held: Array) -> Tail:
         """A tail that holds the values (r,)."""
         none = np.zeros((0, 0))
-        return cls(direction, none, np.zeros((len(held), 0)), np.zeros(0), np.zeros((1, 1)), held[:, np.newaxis], np.ones(1))
+        return cls(
+            direction, Propagator(none), np.zeros((len(held), 0)), np.zeros(0), np.zeros((1, 1)), held[:, np.newaxis], np.ones(1)
+        )
 
     @cached_property
-    def _propagators(self) -> tuple[Propagator, Propagator]:
-        return Propagator(self.M), Propagator(self.direction * self.S)
+    def _particular(self) -> Propagator:
+        return Propagator(self.direction * self.S)
 
     @cached_property
     def pace(self) -> float:
         """How fast the values can change [rad/s]."""
-        return max(pace_of(self.S), pace_of(self.M) if self.departs else 0.0)
+        return max(pace_of(self.S), self.departure.pace if self.departs else 0.0)
 
     @property
     def held(self) -> Array:
@@ -72,20 +75,19 @@ class Tail:
     @property
     def lasts(self) -> bool:
         """Whether the departure does not die out."""
-        return self.departs and bool(np.max(np.linalg.eigvals(self.M).real) >= 0)
+        return self.departs and self.departure.growth >= 0
 
     def values(self, distance: Array, rows: slice, resolution: float) -> Array:
         """Values (m, rows) at distances (m,) [s]; resolution [s]: how far these may be off as they are."""
         owner = np.zeros(len(distance), dtype=np.intp)
-        departure, particular = self._propagators
-        result = particular.outputs(self.X_w[rows], self.w[np.newaxis], owner, distance, resolution=resolution)
+        result = self._particular.outputs(self.X_w[rows], self.w[np.newaxis], owner, distance, resolution=resolution)
         if self.departs:
-            result += departure.outputs(self.X[rows], self.v[np.newaxis], owner, distance, resolution=resolution)
+            result += self.departure.outputs(self.X[rows], self.v[np.newaxis], owner, distance, resolution=resolution)
         return result
 
     def derivative(self) -> Tail:
         """The tail whose values are the time derivatives of this one's."""
-        return replace(self, X=self.direction * self.X @ self.M, X_w=self.X_w @ self.S)
+        return replace(self, X=self.direction * self.X @ self.departure.M, X_w=self.X_w @ self.S)
 
     def mapped(self, M: Array) -> Tail:
         """The tail whose values are M (., r) times this one's."""
@@ -95,8 +97,7 @@ class Tail:
         """Largest |departure| at each distance (m,) [s], as a share of each value's peak (r,)."""
         if not self.departs:
             return np.zeros(len(distance))
-        departure, _ = self._propagators
-        values = np.abs(departure.outputs(self.X, self.v[np.newaxis], np.zeros(len(distance), dtype=np.intp), distance))
+        values = np.abs(self.departure.outputs(self.X, self.v[np.newaxis], np.zeros(len(distance), dtype=np.intp), distance))
         size = np.maximum(peak, values.max(axis=0, initial=0.0))
         return np.asarray(np.max(values / np.where(size > 0, size, 1.0), axis=1))
 
@@ -104,7 +105,7 @@ class Tail:
         """Distance [s] beyond which every value's departure stays below `tolerance` times its peak (r,); infinite if it lasts."""
         if not self.departs:
             return 0.0
-        rate = -float(np.max(np.linalg.eigvals(self.M).real))
+        rate = -self.departure.growth
         if rate <= 0:
             return np.inf
         horizon = (np.log(1 / tolerance) + 25.0) / rate  # 25: room for values far above the peak and for non-normal growth

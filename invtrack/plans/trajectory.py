@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array, Indices
-from invtrack.linear.scaling import pace_of
 from invtrack.plans.tail import Tail
 from invtrack.plans.two_sided import DrivenSystem
 from invtrack.references.signal import finite_times, selection
@@ -71,10 +69,10 @@ class TwoSidedSegments:
         """How many values there are, r."""
         return len(self.driven.X_w)
 
-    @cached_property
+    @property
     def pace(self) -> float:
         """How fast the values can change [rad/s]."""
-        return max((pace_of(M) for M in self.driven.pace if M.size), default=0.0)
+        return self.driven.pace
 
     def values(self, number: Indices, since: Array, until: Array, rows: slice, resolution: float) -> Array:
         """X_f z_f + X_w w, integrated from the start, plus X_b z_b, integrated from the end.

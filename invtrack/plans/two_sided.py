@@ -16,6 +16,7 @@ import scipy.linalg
 from invtrack.arrays import Array
 from invtrack.errors import InversionError
 from invtrack.linear.propagation import Propagator
+from invtrack.linear.scaling import pace_of
 from invtrack.plans.tail import Tail
 
 RESONANCE = 1e-12
@@ -26,12 +27,13 @@ RESONANCE = 1e-12
 class Part:
     """z' = A z + (drive): X z is its share of the values [x; u; y], J z of what is continuous through a jump.
 
-    A (n_z, n_z), X (r, n_z), J (m, n_z).
+    A (n_z, n_z), X (r, n_z), J (m, n_z). Parts that differ in X and J only share their propagators, `made`.
     """
 
     A: Array
     X: Array
     J: Array
+    made: dict[int, Propagator] = field(default_factory=dict, repr=False)
 
     @classmethod
     def empty(cls, rows: int, joined: int) -> Part:
@@ -45,7 +47,13 @@ class Part:
 
     def in_unit(self, unit: float) -> Part:
         """The same with z measured in another unit."""
-        return Part(self.A, self.X * unit, self.J * unit)
+        return replace(self, X=self.X * unit, J=self.J * unit)
+
+    def propagator(self, direction: int) -> Propagator:
+        """exp(direction A tau), direction 1 or -1."""
+        if direction not in self.made:
+            self.made[direction] = Propagator(direction * self.A)
+        return self.made[direction]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,8 +92,11 @@ class TwoSidedSystem:
 
     @cached_property
     def propagators(self) -> tuple[Propagator, Propagator]:
-        """exp(A_f tau) and exp(-A_b tau)."""
-        return Propagator(self.forward.A), Propagator(-self.backward.A)
+        """exp(A_f tau) and exp(-A_b tau); of an optimum, where -A_b = A_f', the one is the other's transpose."""
+        forward, backward = self.forward, self.backward
+        if np.array_equal(backward.A, -forward.A.T):
+            return forward.propagator(1), forward.propagator(1).transposed
+        return forward.propagator(1), backward.propagator(-1)
 
     def in_units(self, forward: float, backward: float) -> TwoSidedSystem:
         """The same with z_f and z_b measured in other units."""
@@ -119,13 +130,13 @@ class DrivenSystem:
     @cached_property
     def propagators(self) -> tuple[Propagator, Propagator]:
         """Those of [z_f; w] forward and of [z_b; w] backward in time."""
-        forward, backward = self.system.forward.A, self.system.backward.A
-        return Propagator(_augmented(forward, self.D_f, self.S)), Propagator(-_augmented(backward, self.D_b, self.S))
+        forward, backward = self.system.propagators
+        return forward.driven(self.D_f, self.S), backward.driven(-self.D_b, -self.S)
 
-    @property
-    def pace(self) -> tuple[Array, ...]:
-        """Matrices whose norms say how fast the values change."""
-        return self.system.forward.A, self.system.backward.A, self.S
+    @cached_property
+    def pace(self) -> float:
+        """How fast the values change [rad/s]."""
+        return max(pace_of(self.S), *(propagator.pace for propagator in self.system.propagators))
 
     def in_units(self, forward: float, backward: float, system: TwoSidedSystem) -> DrivenSystem:
         """The same, `system` being this one's in these units."""
@@ -150,7 +161,7 @@ class DrivenSystem:
         steady_f, steady_b = self.steady()
         forward, backward = self.system.forward, self.system.backward
         X_w = self.X_w + forward.X @ steady_f + backward.X @ steady_b
-        return Tail(-1, -backward.A, backward.X, z_b - steady_b @ w, self.S, X_w, w)
+        return Tail(-1, self.system.propagators[1], backward.X, z_b - steady_b @ w, self.S, X_w, w)
 
     def tail_after(self, w: Array, z_f: Array) -> Tail:
         """The tail after a manoeuvre at whose end the forward part is z_f: z_b steady, z_f on its way to its steady value.
@@ -165,7 +176,8 @@ class DrivenSystem:
             resting = departure[n:] - self.system.moves_neutral @ departure[n:]
             X_w = np.column_stack([X_w, forward.X[:, n:] @ resting])
             S, w = scipy.linalg.block_diag(S, 0.0), np.append(w, 1.0)
-        return Tail(1, forward.A[:n, :n], forward.X[:, :n], departure[:n], S, X_w, w)
+        moving = Propagator(forward.A[:n, :n]) if n < forward.size else self.system.propagators[0]
+        return Tail(1, moving, forward.X[:, :n], departure[:n], S, X_w, w)
 
     def derivative(self) -> DrivenSystem:
         """The system whose values are the time derivatives of this one's."""
@@ -196,10 +208,6 @@ def drive_units(driven: Sequence[DrivenSystem]) -> tuple[float, float]:
         push = max((np.linalg.norm(D, 1) for each in driven if (D := getattr(each, drive)).size), default=0.0)
         units.append(float(2.0 ** np.ceil(np.log2(push / pace))) if push > 0 and pace > 0 else 1.0)
     return units[0], units[1]
-
-
-def _augmented(A: Array, D: Array, S: Array) -> Array:
-    return np.block([[A, D], [np.zeros((len(S), len(A))), S]])
 
 
 def _steady(A: Array, D: Array, S: Array) -> Array:

@@ -99,6 +99,8 @@ def _bounds(problem: LeastCost, direct: Optimal | None) -> Iterator[float]:
         found, _ = _solved(dearer)
         if found is not None and found.gap <= OPTIMAL:
             yield dearer.cost(found.trajectory) * (1 - found.gap) / theta
+            if found.gap <= SETTLED:  # the least cost divided by theta falls as theta grows: no other bound is higher
+                return
         times += UNSOLVED if found is None else max(1, _steps_to_tell(found.gap))
 
 

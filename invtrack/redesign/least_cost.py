@@ -10,7 +10,6 @@ import scipy.linalg
 
 from invtrack.arrays import Array
 from invtrack.errors import RedesignError, TrajectoryError
-from invtrack.linear.scaling import pace_of
 from invtrack.plans.problem import AT_REST, PlanningProblem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
@@ -68,7 +67,7 @@ class LeastCost:
         if np.any(self.weights.Q_y):
             optima = {id(system): optimum(system, self.weights) for system in systems}
             models: Sequence[Driveable] = [optima[id(system)] for system in systems]
-            fastest = max(pace_of(each.system.forward.A) for each in optima.values())
+            fastest = max(each.system.propagators[0].pace for each in optima.values())
             latest = float(np.max(np.abs(first.deviation.breakpoints)))
             if fastest * latest * np.finfo(float).eps > 1:
                 raise PrecisionError(

@@ -170,5 +170,5 @@ def reach(tail: Tail) -> float:
     """How far [s] a tail is looked at."""
     if not tail.departs:
         return 0.0
-    rate = -float(np.max(np.linalg.eigvals(tail.M).real))
+    rate = -tail.departure.growth
     return TAIL_TIMES / rate if rate > 0 else 0.0

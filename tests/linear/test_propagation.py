@@ -142,3 +142,29 @@ def test_a_chain_of_integrators_whose_last_state_is_the_largest(times: np.ndarra
     state = np.array([math.factorial(k) * 1e7**k for k in range(6)])
     found = Propagator(np.diag(np.ones(5), k=1)).outputs(np.eye(6)[:1], state[np.newaxis], np.zeros(len(times), dtype=int), times)
     assert found[:, 0] == pytest.approx(np.sum((1e7 * times[:, np.newaxis]) ** np.arange(6), axis=1), rel=1e-13)
+
+
+@pytest.mark.parametrize(("pace", "drive"), [(0.1, 1.0), (1.0, 1e9), (300.0, 1e-6), (0.0, 1.0)])
+def test_a_driven_system_shares_the_transitions_of_its_own(pace: float, drive: float) -> None:
+    """[A D; 0 S] by both ways of evaluation, in units of the drive of any size, with an S slower, faster and at rest."""
+    rng = np.random.default_rng(12)
+    A, D, S = rng.normal(size=(6, 6)) - 3.0 * np.eye(6), rng.normal(size=(6, 2)), pace * np.array([[-0.1, 1.0], [-1.0, -0.1]])
+    v, scattered = rng.normal(size=(1, 8)), np.array([1e-9, 1e-3, 0.2, 1.7])
+    own = Propagator(A)
+    driven = own.driven(drive * D, S)
+    unit = np.array([1.0] * 6 + [1 / drive] * 2)
+    for tau in (scattered, np.linspace(0.0, 1.0, 100)):
+        found = driven.outputs(np.eye(8), v * unit, np.zeros(len(tau), dtype=np.intp), tau, resolution=1e-15) / unit
+        expected = np.array([scipy.linalg.expm(np.block([[A, D], [np.zeros((2, 6)), S]]) * t) @ v[0] for t in tau])
+        assert found == pytest.approx(expected, abs=1e-13 * np.max(np.abs(expected)))
+    assert own.matrix(1.7) == pytest.approx(scipy.linalg.expm(1.7 * A), abs=1e-14)
+
+
+def test_a_transpose_shares_the_transitions_of_its_original() -> None:
+    """In coordinates whose units differ by factors of up to 1e6; both are worked out with the very same digits."""
+    rng = np.random.default_rng(13)
+    A, scale = rng.normal(size=(5, 5)) - 2.0 * np.eye(5), np.exp2(np.array([0.0, 20.0, -7.0, 3.0, 11.0]))
+    own = Propagator(A * scale[:, None] / scale)
+    expected = scipy.linalg.expm(2.3 * A).T
+    assert own.transposed.matrix(2.3) * scale[:, None] / scale == pytest.approx(expected, abs=1e-12 * np.max(np.abs(expected)))
+    assert own.transposed.growth == pytest.approx(np.max(np.linalg.eigvals(A).real), rel=1e-12)

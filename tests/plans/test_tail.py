@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from invtrack.linear.propagation import Propagator
 from invtrack.plans.problem import decay_stops
 from invtrack.plans.tail import Tail
 from invtrack.references.profiles import autonomous, raised_cosine, rest_to_rest
@@ -14,7 +15,7 @@ from invtrack.references.profiles import autonomous, raised_cosine, rest_to_rest
 
 def departure(M: np.ndarray, X: np.ndarray, v: np.ndarray) -> Tail:
     """What dies out around zero."""
-    return replace(Tail.holding(1, np.zeros(len(X))), M=M, X=X, v=v)
+    return replace(Tail.holding(1, np.zeros(len(X))), departure=Propagator(M), X=X, v=v)
 
 
 def modes(rates: list[float], v: list[float]) -> Tail:
@@ -61,7 +62,9 @@ def test_what_does_not_die_out_lasts_for_ever() -> None:
 def test_values_and_their_derivative_against_closed_form(direction: int) -> None:
     """2 e^-3s + sin(5 t) at t = direction s: time runs against the distance before the manoeuvre."""
     S = np.array([[0.0, 5.0], [-5.0, 0.0]])
-    tail = Tail(direction, np.array([[-3.0]]), np.eye(1), np.array([2.0]), S, np.array([[1.0, 0.0]]), np.array([0.0, 1.0]))
+    tail = Tail(
+        direction, Propagator(np.array([[-3.0]])), np.eye(1), np.array([2.0]), S, np.array([[1.0, 0.0]]), np.array([0.0, 1.0])
+    )
     s = np.array([0.0, 0.1, 1.0])
     expected = 2 * np.exp(-3 * s) + np.sin(5 * direction * s)
     slope = -6 * direction * np.exp(-3 * s) + 5 * np.cos(5 * direction * s)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from invtrack.linear.propagation import Propagator
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import PolynomialSegments, Trajectory, TwoSidedSegments, grouped
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
@@ -26,8 +27,8 @@ def two_sided() -> Trajectory:
     w = np.array([[2.0], [2 * np.exp(3.0)]])
     segments = TwoSidedSegments(driven(-2.0, 5.0), np.array([[1.0]]), w[:1], np.array([[3.0]]), w[1:])
     one, zero = np.eye(1), np.zeros(1, dtype=np.intp)
-    before = replace(STILL, direction=-1, M=-5 * one, X=one, v=np.array([7.0]))
-    after = replace(STILL, M=-6 * one, X=one, v=np.array([4.0]))
+    before = replace(STILL, direction=-1, departure=Propagator(-5 * one), X=one, v=np.array([7.0]))
+    after = replace(STILL, departure=Propagator(-6 * one), X=one, v=np.array([4.0]))
     return Trajectory(np.array([0.0, 1.0]), (segments,), zero, zero, before, after)
 
 

@@ -94,7 +94,7 @@ class Grid:
 def tail_cost(tail: Tail, weights: Weights) -> Array:
     """V (n, n): all of an optimal tail costs v'V v, of M'V + V M + X'W X = 0; where it holds still it costs nothing."""
     weight = scipy.linalg.block_diag(weights.Q_x, weights.R, weights.Q_y)
-    V = scipy.linalg.solve_continuous_lyapunov(tail.M.T, -tail.X.T @ weight @ tail.X)
+    V = scipy.linalg.solve_continuous_lyapunov(tail.departure.M.T, -tail.X.T @ weight @ tail.X)
     return np.asarray((V + V.T) / 2)
 
 

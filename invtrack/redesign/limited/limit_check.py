@@ -86,7 +86,7 @@ def tail_excess(tail: Tail, bounds: Sequence[Bound]) -> Array:
     """How far each limit is exceeded within a tail, as a share of its size: (bounds,)."""
     sigma = np.zeros(1)
     if tail.departs:
-        modes = np.linalg.eigvals(tail.M)
+        modes = np.linalg.eigvals(tail.departure.M)
         horizon = TAIL_DECAY / -np.max(modes.real)
         nearest = 1e-3 / np.max(np.abs(modes))
         half = TAIL_SAMPLES // 2
