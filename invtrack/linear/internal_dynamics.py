@@ -10,8 +10,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.arrays import Array, ComplexArray
-from invtrack.errors import NonHyperbolicError
+from invtrack.arrays import Array, ComplexArray, complex_numbers, finite_number
+from invtrack.errors import ModelError, NonHyperbolicError
 from invtrack.linear.hidden_modes import zero_kinds
 from invtrack.linear.normal_form import NormalForm, normal_form
 from invtrack.linear.propagation import Propagator
@@ -212,9 +212,15 @@ def axis_message(internal: InternalDynamics, refused: NDArray[np.bool_], kinds: 
 
 
 def format_zeros(zeros: ArrayLike, size: float = 0.0) -> str:
-    """Zeros as text, conjugates together: "-0.5, 0.0425+-4.305j". Parts below 1e-12 of `size` are written as 0."""
-    texts = []
-    for zero in np.atleast_1d(np.asarray(zeros, dtype=complex)):
+    """Zeros (m,) as text, conjugates together: "-0.5, 0.0425+-4.305j". Parts below 1e-12 of `size` are written as 0.
+
+    Raises ModelError for what is no vector of numbers.
+    """
+    values = np.atleast_1d(complex_numbers("zeros", zeros, error=ModelError))
+    if values.ndim != 1:
+        raise ModelError(f"zeros must be a vector of numbers, got shape {values.shape}")
+    size, texts = finite_number("size", size, error=ModelError), []
+    for zero in values:
         real, imag = (0.0 if abs(part) <= 1e-12 * max(size, abs(zero)) else float(part) for part in (zero.real, zero.imag))
         if imag >= 0:
             texts.append(f"{real:.4g}" if imag == 0 else f"{real:.4g}+-{imag:.4g}j")

@@ -157,6 +157,7 @@ def _calls() -> dict[str, Call]:
         "relative_degree": call(linear.relative_degree, system=model),
         "zeros": call(linear.zeros, system=model),
         "zero_report": call(linear.zero_report, system=model),
+        "without_hidden_modes": call(linear.without_hidden_modes, model=model),
         "format_zeros": call(linear.format_zeros, takes=("complex", "complex matrix"), zeros=[1.0 + 2.0j], size=1.0),
         "slowest_flexible_period": call(linear.slowest_flexible_period, A=A),
         # references
