@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from invtrack.errors import ModelError, NonHyperbolicError, RelativeDegreeError
+from invtrack.errors import ModelError, NonHyperbolicError
 from invtrack.linear.internal_dynamics import split_dynamics
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.zeros import ZeroReport, zero_report, zeros
@@ -220,78 +220,6 @@ def test_a_plant_without_zeros() -> None:
 def test_a_discrete_time_system_is_refused() -> None:
     with pytest.raises(ModelError, match="sampling time"):
         zero_report(control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1))
-
-
-# A. Emami-Naeini, P. Van Dooren, "Computation of zeros of linear multivariable systems", Automatica 18 (1982), 415-430, examples
-# by their numbers there.
-
-
-def test_example_3_has_a_singular_feedthrough() -> None:
-    """y1 = (1 + s) / s^3 u1 + u1, y2 = (1 - s) / s^3 u2 + u1: the zeros solve (s^3 + s + 1) (s - 1) = 0."""
-    shift = np.diag([1.0, 1.0], k=1)
-    A, B = np.kron(np.eye(2), shift), np.eye(6)[:, [2, 5]]
-    C, D = np.array([[1, 1, 0, 0, 0, 0], [0, 0, 0, 1, -1, 0]]), np.array([[1, 0], [1, 0]])
-    report = zero_report(StateSpace(A, B, C, D))
-    assert (report.relative_degree, report.infinite_orders, report.hidden) == (None, (0, 2), ())
-    assert_same_set([zero.value for zero in report.zeros], [1.0, *np.roots([1.0, 0.0, 1.0, 1.0])], 1e-12)
-
-
-EXAMPLE_4 = (
-    [
-        [-0.129, 0.0, 0.0396, 0.025, 0.0191],
-        [0.00329, 0.0, -0.0000779, 0.000122, -0.621],
-        [0.0718, 0.0, -0.1, 0.000887, -3.85],
-        [0.0411, 0.0, 0.0, -0.0822, 0.0],
-        [0.000361, 0.0, 0.000035, 0.0000426, -0.0743],
-    ],
-    [[0.0, 0.00139], [0.0, 0.0000359], [0.0, -0.00989], [0.0000249, 0.0], [0.0, -0.00000534]],
-    np.eye(5)[:2],
-)
-
-
-def test_example_4_has_inputs_that_first_act_along_each_other() -> None:
-    """The second input acts on both outputs before the first does. Printed zeros -0.06467751, -0.3680512."""
-    report = zero_report(StateSpace(*EXAMPLE_4))
-    assert (report.relative_degree, report.infinite_orders, report.derivatives) == (None, (1, 2), (2, 2))
-    assert_same_set([zero.value for zero in report.zeros], [-0.06467751, -0.3680512], 5e-8)
-    assert report.hidden == ()
-
-
-def test_example_5_fifteen_integrators_have_no_zeros() -> None:
-    chain = np.diag(np.ones(14), k=1)
-    report = zero_report(StateSpace(chain, np.eye(15)[:, 14:], np.eye(15)[:1]))
-    assert (report.relative_degree, report.zeros) == ((15,), ())
-
-
-@pytest.mark.parametrize(
-    ("A", "B", "C"),
-    [([[2, -1, 0], [0, 0, 0], [-1, 0, 0]], [[0], [0], [1]], [[0, -1, 0]]), (np.zeros((2, 2)), [[0], [1]], [[-1, 0]])],
-    ids=["example 6", "example 7"],
-)
-def test_examples_6_and_7_have_an_output_that_no_input_reaches(A: Array, B: Array, C: Array) -> None:
-    with pytest.raises(RelativeDegreeError, match="is not reached by any input"):
-        zero_report(StateSpace(A, B, C))
-
-
-def test_example_8_has_a_double_zero() -> None:
-    A = [
-        [-2, 1, 0, 0, 0, 0],
-        [1, -2, 1, 0, 1, -1],
-        [0, 1, -2, 1, 0, 0],
-        [0, 0, 1, -1, 0, 1],
-        [0, -1, 0, 0, 0, 0],
-        [0, 1, 0, -1, 0, 0],
-    ]
-    report = zero_report(StateSpace(A, np.eye(6)[:, [0]] + np.eye(6)[:, [4]], np.eye(6)[[3]]))
-    assert_same_set([zero.value for zero in report.zeros], [-1.0, -1.0], 1e-7)
-    assert report.hidden == ()
-
-
-def test_example_9_one_zero_behind_fourteen_integrators() -> None:
-    chain = np.diag(np.ones(14), k=1)
-    report = zero_report(StateSpace(chain, np.eye(15)[:, 14:], np.eye(15)[[1]] - 20 * np.eye(15)[[0]]))
-    assert report.relative_degree == (14,)
-    assert_same_set([zero.value for zero in report.zeros], [20.0], 1e-9)
 
 
 @pytest.mark.parametrize("count", [3, 10, 25])

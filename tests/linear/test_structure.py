@@ -12,6 +12,8 @@ from invtrack.errors import RelativeDegreeError
 from invtrack.linear import normal_form, relative_degree, zero_report, zeros
 from invtrack.linear.state_space import StateSpace
 from tests.linear.random_plants import assert_same_set, pencil_zeros, rotation
+from tests.published.plant import PublishedPlant
+from tests.published.textbook import EMAMI_3, EMAMI_4
 
 
 def plant_without_relative_degree(seed: int) -> StateSpace:
@@ -82,6 +84,15 @@ def test_a_chain_that_needs_more_derivatives_of_one_output_than_it_has_states_be
     assert report.startswith(
         "0 zero(s); no vector relative degree, zeros at infinity of orders (1, 2), input from derivatives up to"
     )
+
+
+@pytest.mark.parametrize(("published", "orders", "derivatives"), [(EMAMI_3, (0, 2), (2, 2)), (EMAMI_4, (1, 2), (2, 2))])
+def test_orders_at_infinity_of_published_examples(
+    published: PublishedPlant, orders: tuple[int, ...], derivatives: tuple[int, ...]
+) -> None:
+    """A singular feedthrough; a second input that acts on both outputs before the first does."""
+    report = zero_report(published.square())
+    assert (report.relative_degree, report.infinite_orders, report.derivatives) == (None, orders, derivatives)
 
 
 def test_the_relative_degree_is_refused_where_there_is_none_with_what_the_inverse_takes() -> None:
