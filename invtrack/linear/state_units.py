@@ -16,6 +16,9 @@ CLEAR = 1e-10
 COARSE_PACES, FINER_STEPS = tuple(range(-20, 41, 6)), (3, 1)
 """Exponents of two, over the fastest mode, of the paces that are looked at, and the steps in which the best is then refined."""
 
+ABOUT_AS_CLEAR = 1.0
+"""Mean logarithms of shares that differ by less than this are about equally good."""
+
 LARGEST_EXPONENT = 1000.0
 """Bound on log2 of a feedback gain, close to what numbers hold."""
 
@@ -39,7 +42,8 @@ def _clearest(system: StateSpace) -> tuple[Array, float]:
 
     A alone may fall apart into parts without a common scale: each output is fed back to each input with the gain with which the
     strongest loop through both is as fast as a pace. Which one is no property of the plant: a hovering vehicle's drag is far slower
-    than what its outputs ask of it. Taken is the one in whose units the couplings stand out most clearly.
+    than what its outputs ask of it. Taken is the one in whose units the couplings stand out most clearly; of two about as good the
+    faster one, since at the pace of a slow drag the rounding of a linearization couples, too.
     """
     A, B, C = (np.where(size > system.errors(name), size, 0.0) for name, size in _entries(system))
     root = float(np.max(np.abs(np.linalg.eigvals(A))))
@@ -49,11 +53,17 @@ def _clearest(system: StateSpace) -> tuple[Array, float]:
     def look(exponent: float) -> float:
         """How clear the couplings are where the loops are as fast as 2^exponent times the fastest mode."""
         if exponent not in found:
-            units = balancing_scale(_loops(A, B, C, paths, centre + exponent))
-            found[exponent] = _clarity(system, units), units
+            loops = _loops(A, B, C, paths, centre + exponent)
+            units = balancing_scale(loops if np.all(np.isfinite(loops)) else A)
+            found[exponent] = _clarity(system, units) if np.all(np.isfinite(loops)) else -np.inf, units
         return found[exponent][0]
 
-    best = max(COARSE_PACES, key=look)
+    coarse = [look(exponent) for exponent in COARSE_PACES]
+    around = [-np.inf, *coarse, -np.inf]
+    peaks = [
+        e for e, before, here, after in zip(COARSE_PACES, around, coarse, around[2:], strict=False) if here >= max(before, after)
+    ]
+    best = max(e for e in peaks if look(e) >= max(coarse) - ABOUT_AS_CLEAR)
     for step in FINER_STEPS:
         best = max((best, best - step, best + step), key=look)
     units = found[best][1]
@@ -66,8 +76,7 @@ def _loops(A: Array, B: Array, C: Array, paths: Array, pace: float) -> Array:
     strongest = np.max(paths - np.arange(len(paths))[:, None, None] * pace, axis=0)
     gains = np.exp2(np.clip(pace - strongest, None, LARGEST_EXPONENT), where=np.isfinite(strongest), out=np.zeros_like(strongest))
     with np.errstate(over="ignore"):  # at paces far above all that the plant does
-        loops = A + B @ gains.T @ C
-    return loops if np.all(np.isfinite(loops)) else A
+        return np.asarray(A + B @ gains.T @ C)
 
 
 def _entries(system: StateSpace) -> list[tuple[str, Array]]:
