@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,18 +30,14 @@ SHOWN = 60
 """Characters of a value that a message shows at most."""
 
 
+def as_divisor(size: ArrayLike) -> Array:
+    """Sizes to divide by: 1 for those that are zero."""
+    return np.where(np.asarray(size) > 0, size, 1.0)
+
+
 def real_numbers(name: str, value: ArrayLike, *, error: Refusal = TrajectoryError) -> Array:
     """A copy as real numbers of any shape, infinite ones and NaN among them; raises `error` for anything else."""
-    if masked(value):
-        raise error(f"{name} must be real numbers, got a masked array; fill in or leave out what is masked")
-    try:
-        given = np.array(value)
-        numbers = given.astype(float, casting="same_kind")
-    except (TypeError, ValueError, OverflowError) as reason:
-        raise error(f"{name} must be real numbers, got {shown(value)}: {reason}") from reason
-    if given.dtype == np.bool_:
-        raise error(f"{name} must be real numbers, got {shown(value)}: no numbers, but true or false")
-    return numbers
+    return _numbers(name, value, float, "real numbers", error)
 
 
 def real_number(name: str, value: float, *, unit: str = "", error: Refusal = TrajectoryError) -> float:
@@ -122,15 +119,27 @@ def require_share(name: str, value: float, *, error: Refusal) -> None:
 
 def complex_numbers(name: str, value: ArrayLike, *, error: Refusal) -> ComplexArray:
     """A copy as complex numbers of any shape, infinite ones and NaN among them; raises `error` for anything else."""
+    return _numbers(name, value, complex, "numbers", error)
+
+
+def _numbers(name: str, value: ArrayLike, kind: type, expected: str, error: Refusal) -> NDArray[Any]:
+    """A copy as numbers of a kind, float or complex.
+
+    Args:
+        name, value: what the message calls it, and what came.
+        kind: float or complex.
+        expected: what the message calls such numbers.
+        error: class of what is raised for anything else.
+    """
     if masked(value):
-        raise error(f"{name} must be numbers, got a masked array; fill in or leave out what is masked")
+        raise error(f"{name} must be {expected}, got a masked array; fill in or leave out what is masked")
     try:
-        given = np.array(value)
-        numbers = given.astype(complex, casting="same_kind")
+        given: NDArray[Any] = np.array(value)
+        numbers: NDArray[Any] = given.astype(kind, casting="same_kind")
     except (TypeError, ValueError, OverflowError) as reason:
-        raise error(f"{name} must be numbers, got {shown(value)}: {reason}") from reason
+        raise error(f"{name} must be {expected}, got {shown(value)}: {reason}") from reason
     if given.dtype == np.bool_:
-        raise error(f"{name} must be numbers, got {shown(value)}: no numbers, but true or false")
+        raise error(f"{name} must be {expected}, got {shown(value)}: no numbers, but true or false")
     return numbers
 
 
@@ -188,7 +197,7 @@ def real_weight(name: str, value: ArrayLike, size: int, *, meaning: str = "", de
     if np.any(np.abs(matrix.imag) > SYMMETRY_TOLERANCE * np.abs(matrix)):
         raise error(
             f"a constant {name} must be real, got imaginary parts of up to {np.max(np.abs(matrix.imag)):.3g}; only a weight that "
-            f"is a function of frequency may be complex, with {name}(-w) = conj {name}(w), which invtrack.prefilter takes"
+            f"is a function of frequency may be complex, with {name}(-w) = conj {name}(w), which invtrack.redesign.prefilter takes"
         )
     weight = np.ascontiguousarray(matrix.real)
     if definite and smallest_eigenvalue(weight) <= SEMIDEFINITE_TOLERANCE:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.linalg
 
-from invtrack.arrays import Array, ComplexArray
+from invtrack.arrays import Array, ComplexArray, as_divisor
 from invtrack.linear.scaling import pace_of
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.state_units import plant_units
@@ -22,8 +22,8 @@ PROBES = np.exp(1j * np.array([0.6, 1.0, 1.3]))
 """Where the transfer matrix is looked at, times the plant's pace: anywhere will do that is no zero or pole."""
 
 NO_INVERSE_NEEDED = (
-    "methods that need no inverse: invtrack.quadratic_redesign, invtrack.constrained_redesign and invtrack.prefilter, which follow "
-    "the outputs as well as the inputs can"
+    "methods that need no inverse: invtrack.quadratic_redesign, invtrack.constrained_redesign and invtrack.redesign.prefilter, "
+    "which follow the outputs as well as the inputs can"
 )
 
 
@@ -84,15 +84,11 @@ def _transfer(A: Array, B: Array, C: Array, D: Array) -> ComplexArray:
 
 def _null(matrix: Array | ComplexArray) -> Array | ComplexArray:
     """Orthonormal basis of the null space, of rows and columns scaled to unit size, back in the columns' units (p, k)."""
-    scaled = matrix / _unit(np.max(np.abs(matrix), axis=1, keepdims=True, initial=0.0))
-    column = _unit(np.max(np.abs(scaled), axis=0, initial=0.0))
+    scaled = matrix / as_divisor(np.max(np.abs(matrix), axis=1, keepdims=True, initial=0.0))
+    column = as_divisor(np.max(np.abs(scaled), axis=0, initial=0.0))
     _, sizes, Vh = np.linalg.svd(scaled / column)
     rank = int(np.sum(sizes > RANK_TOLERANCE * max(sizes[0], 1.0)))
     return np.asarray(Vh[rank:].conj().T / column[:, None])
-
-
-def _unit(size: Array) -> Array:
-    return np.where(size > 0, size, 1.0)
 
 
 def _combination(weights: Array | ComplexArray, names: Sequence[str]) -> str:

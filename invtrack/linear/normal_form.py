@@ -82,7 +82,7 @@ def relative_degree(system: Any) -> tuple[int, ...]:
         raise RelativeDegreeError(
             f"the outputs {list(outputs)} have no vector relative degree: where inputs first appear, their gains depend on each "
             f"other. An inverse exists all the same; it takes derivatives of the outputs up to the orders {form.derivatives} (see "
-            "invtrack.normal_form), and invtrack.invert finds it"
+            "invtrack.linear.normal_form), and invtrack.invert finds it"
         )
     return form.orders
 

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, as_divisor
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace
 
@@ -32,7 +32,7 @@ def plant_units(system: StateSpace) -> Array:
 
 
 def plant_pace(system: StateSpace) -> float:
-    """The fastest rate [rad/s] at which paths of k more steps from an input to an output add to its first effect; 1 without any."""
+    """How fast [rad/s] the loops through inputs and outputs are in whose units the couplings stand out most clearly."""
     return _clearest(system)[1]
 
 
@@ -45,7 +45,8 @@ def _clearest(system: StateSpace) -> tuple[Array, float]:
     than what its outputs ask of it. Taken is the one in whose units the couplings stand out most clearly; of two about as good the
     faster one, since at the pace of a slow drag the rounding of a linearization couples, too.
     """
-    A, B, C = (np.where(size > system.errors(name), size, 0.0) for name, size in _entries(system))
+    known = ((name, np.abs(getattr(system, name))) for name in "ABC")
+    A, B, C = (np.where(size > system.errors(name), size, 0.0) for name, size in known)
     root = float(np.max(np.abs(np.linalg.eigvals(A))))
     centre, paths = np.log2(root if root > 0 else 1.0), _path_sizes(A, B, C)
     found: dict[float, tuple[float, Array]] = {}
@@ -79,10 +80,6 @@ def _loops(A: Array, B: Array, C: Array, paths: Array, pace: float) -> Array:
         return np.asarray(A + B @ gains.T @ C)
 
 
-def _entries(system: StateSpace) -> list[tuple[str, Array]]:
-    return [(name, np.abs(getattr(system, name))) for name in "ABC"]
-
-
 def _path_sizes(A: Array, B: Array, C: Array) -> Array:
     """log2 of C A^k B for k < n, entry by entry: (n, p, p), A, B, C without negative entries."""
     exponent, sizes = np.zeros(B.shape[1]), np.full((len(A), len(C), B.shape[1]), -np.inf)
@@ -95,23 +92,10 @@ def _path_sizes(A: Array, B: Array, C: Array) -> Array:
     return sizes
 
 
-def _pace(paths: Array) -> float:
-    """See `plant_pace`, from log2 of the paths' sizes (n, p, p)."""
-    first = np.argmax(np.isfinite(paths), axis=0)[np.newaxis]
-    more = np.arange(len(paths))[:, None, None] - first
-    later = (more > 0) & np.isfinite(paths)
-    rates = (paths - np.take_along_axis(paths, first, axis=0))[later] / more[later]
-    return float(np.exp2(np.max(rates))) if rates.size else 1.0
-
-
 def _clarity(system: StateSpace, scale: Array) -> float:
     """How far the couplings stand out in these units: mean logarithm of their shares, of A's norm, of a column of B, a row of C."""
     A, B, C = (np.abs(M) for M in (system.A * scale / scale[:, None], system.B / scale[:, None], system.C * scale))
     np.fill_diagonal(A, 0.0)  # what acts on itself couples nothing
-    shares = np.concatenate([(M / np.where(size > 0, size, 1.0))[M > 0] for M, size in ((A, np.linalg.norm(A)), *_sizes(B, C))])
+    sizes = (np.linalg.norm(A), np.linalg.norm(B, axis=0, keepdims=True), np.linalg.norm(C, axis=1, keepdims=True))
+    shares = np.concatenate([(M / as_divisor(size))[M > 0] for M, size in zip((A, B, C), sizes, strict=True)])
     return float(np.mean(np.log(np.maximum(shares, CLEAR)))) if shares.size else 0.0
-
-
-def _sizes(B: Array, C: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """B and C with the norms of the columns and of the rows."""
-    return (B, np.linalg.norm(B, axis=0, keepdims=True)), (C, np.linalg.norm(C, axis=1, keepdims=True))

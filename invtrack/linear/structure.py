@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, as_divisor
 from invtrack.errors import RelativeDegreeError
 from invtrack.linear.invertibility import why_not_invertible
 from invtrack.linear.output_derivatives import OutputDerivatives
@@ -185,8 +185,8 @@ def _settle(rows: list[_Row], done: list[int]) -> bool:
     Of those left, the one comes first whose gains are the least explained by the rows done.
     """
     gains = np.abs([row.d for row in rows])
-    largest = np.max(gains / _unit(np.max(gains, axis=1, keepdims=True)), axis=0)
-    input_unit = 1 / _unit(largest)
+    largest = np.max(gains / as_divisor(np.max(gains, axis=1, keepdims=True)), axis=0)
+    input_unit = 1 / as_divisor(largest)
     while True:
         left = {i: _explained(rows[i], [rows[j] for j in done], input_unit) for i in range(len(rows)) if i not in done}
         independent = {i: share for i, (_, share) in left.items() if share > 0}
@@ -214,10 +214,6 @@ def _explained(row: _Row, others: Sequence[_Row], input_unit: Array) -> tuple[Ar
     rest = row.without(multiples, others)
     share = float(np.linalg.norm(rest.d * input_unit)) / size
     return multiples, 0.0 if np.all(np.abs(rest.d) <= rest.d_tolerance) else share
-
-
-def _unit(size: Array) -> Array:
-    return np.where(size > 0, size, 1.0)
 
 
 def _stacked(combinations: Sequence[Array], p: int) -> OutputDerivatives:

@@ -35,6 +35,7 @@ MINIMUM = companion([5.1, 5.45, 2.2], [2.0, 1.0])
 HEAVIER = companion([2.808, 3.06, 1.8], [2.0, -1.0])
 # Poles 0.4 and -1 +- 1j.
 UNSTABLE = companion([-0.8, 1.2, 1.6], [1.5, -1.0])
+WEIGHTS: dict[str, Any] = {"R": 0.2, "Q_x": np.diag([0.3, 0.0, 0.1]), "Q_y": 4.0}
 DIRECT = StateSpace(NONMINIMUM.A, NONMINIMUM.B, NONMINIMUM.C, [[0.3]])
 # The input's gain jumps, so the best input does too.
 STRONGER = SwitchedSystem([NONMINIMUM, StateSpace(HEAVIER.A, 1.5 * HEAVIER.B, HEAVIER.C)], [1.25])

@@ -32,13 +32,13 @@ from tests.redesign.plants import (
     STRONGER,
     TWO_DISC,
     TWO_DISC_WEIGHTS,
+    WEIGHTS,
     there_and_back,
     two_channels,
 )
 
 Array = NDArray[np.float64]
 
-WEIGHTS: dict[str, Any] = {"R": 0.2, "Q_x": np.diag([0.3, 0.0, 0.1]), "Q_y": 4.0}
 LIMITS = Limits(input=(-0.3, 1.0), input_rate=1.5, output=(-0.05, 0.7), states=[StateLimit("middle", {"x2": 1.0}, 0.12)])
 TIMES = np.concatenate([np.linspace(-6.0, 1.2, 80), np.linspace(1.3, 12.0, 120)])
 

@@ -28,6 +28,7 @@ from tests.redesign.plants import (
     TWO_DISC,
     TWO_DISC_WEIGHTS,
     UNSTABLE,
+    WEIGHTS,
     simulated,
     there_and_back,
     two_channels,
@@ -35,7 +36,6 @@ from tests.redesign.plants import (
 
 Array = NDArray[np.float64]
 
-WEIGHTS: dict[str, Any] = {"R": 0.2, "Q_x": np.diag([0.3, 0.0, 0.1]), "Q_y": 4.0}
 CASES: dict[str, tuple[Any, Any, dict[str, Any]]] = {
     "plain": (NONMINIMUM, there_and_back(), WEIGHTS),
     "direct": (DIRECT, there_and_back(), WEIGHTS),

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from invtrack.linear.switched import SwitchedSystem
@@ -29,11 +28,11 @@ from tests.redesign.plants import (
     TWO_DISC,
     TWO_DISC_WEIGHTS,
     UNSTABLE,
+    WEIGHTS,
     there_and_back,
     two_channels,
 )
 
-WEIGHTS: dict[str, Any] = {"R": 0.2, "Q_x": np.diag([0.3, 0.0, 0.1]), "Q_y": 4.0}
 CASES: dict[str, tuple[Any, Any, dict[str, Any]]] = {
     "nonminimum-phase": (NONMINIMUM, there_and_back(), WEIGHTS),
     "direct": (DIRECT, there_and_back(), WEIGHTS),

@@ -14,9 +14,8 @@ from invtrack.redesign.quadratic import quadratic_redesign
 from invtrack.references.profiles import autonomous, constant, rest_to_rest
 from invtrack.references.samples import sampled_reference
 from invtrack.references.signal import PiecewiseSignal
-from tests.redesign.plants import HEAVIER, MINIMUM, NONMINIMUM, TWO_DISC, TWO_DISC_WEIGHTS, there_and_back
+from tests.redesign.plants import HEAVIER, MINIMUM, NONMINIMUM, TWO_DISC, TWO_DISC_WEIGHTS, WEIGHTS, there_and_back
 
-WEIGHTS: dict[str, Any] = {"R": 0.2, "Q_x": np.diag([0.3, 0.0, 0.1]), "Q_y": 4.0}
 JUMPING = SwitchedSystem([NONMINIMUM, HEAVIER, MINIMUM], [0.5, 3.0])
 TIMES = np.concatenate([np.linspace(-8.0, 0.45, 60), np.linspace(0.55, 2.95, 60), np.linspace(3.05, 15.0, 60)])
 CASES: dict[str, tuple[Any, dict[str, Any], Any]] = {

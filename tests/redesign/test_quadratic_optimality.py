@@ -28,6 +28,7 @@ from tests.redesign.plants import (
     TWO_DISC,
     TWO_DISC_WEIGHTS,
     UNSTABLE,
+    WEIGHTS,
     simulated,
     there_and_back,
     two_channels,
@@ -37,7 +38,6 @@ Array = NDArray[np.float64]
 
 JUMPING = SwitchedSystem([NONMINIMUM, HEAVIER, MINIMUM], [0.5, 3.0])
 EARLY_AND_LATE = SwitchedSystem([HEAVIER, NONMINIMUM, HEAVIER], [-1.0, 8.0])
-WEIGHTS: dict[str, Any] = {"R": 0.2, "Q_x": np.diag([0.3, 0.0, 0.1]), "Q_y": 4.0}
 
 
 def bump(times: Array, centre: float, width: float) -> Array:

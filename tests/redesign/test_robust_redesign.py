@@ -13,9 +13,8 @@ from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.redesign.cost import cost
 from invtrack.redesign.quadratic import quadratic_redesign
-from tests.redesign.plants import HEAVIER, MINIMUM, NONMINIMUM, UNSTABLE, simulated, there_and_back
+from tests.redesign.plants import HEAVIER, MINIMUM, NONMINIMUM, UNSTABLE, WEIGHTS, simulated, there_and_back
 
-WEIGHTS: dict[str, Any] = {"R": 0.2, "Q_x": np.diag([0.3, 0.0, 0.1]), "Q_y": 4.0}
 TIMES = np.linspace(-20.0, 26.0, 4601)
 Q_X, Q_Y, R = WEIGHTS["Q_x"], WEIGHTS["Q_y"], WEIGHTS["R"]
 

@@ -29,13 +29,13 @@ from tests.redesign.plants import (
     STRONGER,
     TWO_DISC,
     UNSTABLE,
+    WEIGHTS,
     there_and_back,
     two_channels,
 )
 
 Array = NDArray[np.float64]
 
-WEIGHTS: dict[str, Any] = {"R": 0.2, "Q_x": np.diag([0.3, 0.0, 0.1]), "Q_y": 4.0}
 ALL: dict[str, Any] = {"input": (-0.1, 1.0), "input_rate": (-1.5, 1.2), "output": (-0.05, 0.4), "middle": (-0.12, 0.13)}
 
 
