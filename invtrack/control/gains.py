@@ -56,14 +56,14 @@ class GainSchedule:
 def lqr(model: Any, *, Q: ArrayLike, R: ArrayLike) -> GainSchedule:
     """Gains that minimise the integral of x'Q x + u'R u on each interval by itself: K = R^-1 B'X, A'X + X A - X B R^-1 B'X + Q = 0.
 
-    Q (n, n) positive semidefinite, R (p, p) positive definite; numbers stand for multiples of the identity.
+    Q (n, n) positive semidefinite, R (m, m) positive definite; numbers stand for multiples of the identity.
 
     Raises ControlError for weights of the wrong shape or sign, and for a plant that cannot be stabilized.
     """
     plant = as_switched(model)
-    n, p = plant.n_states, plant.n_channels
+    n, m = plant.n_states, plant.n_inputs
     state_weight = real_weight("Q", Q, n, meaning=f"states {list(plant.states.names)}", error=ControlError)
-    input_weight = real_weight("R", R, p, meaning=f"inputs {list(plant.inputs.names)}", definite=True, error=ControlError)
+    input_weight = real_weight("R", R, m, meaning=f"inputs {list(plant.inputs.names)}", definite=True, error=ControlError)
 
     def gain(system: StateSpace) -> Array:
         try:

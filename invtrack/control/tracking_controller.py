@@ -29,7 +29,7 @@ class PlanFollower(ABC):
 
     def __init__(self, plan: Plan, gains: GainSchedule | ArrayLike | None, period: float | None) -> None:
         require_plan(plan, error=ControlError)
-        shape = (plan.model.n_channels, plan.model.n_states)
+        shape = (plan.model.n_inputs, plan.model.n_states)
         if gains is None:
             gains = np.zeros(shape)
         if not isinstance(gains, GainSchedule):

@@ -59,7 +59,7 @@ class InverseSystem:
         for A, W in ((split.A_s, split.W_s), (split.A_u, split.W_u)):
             x = form.V @ W
             if correction is None:
-                values = _tracking_values(plant, x, x @ A, np.zeros((plant.n_channels, len(A))))
+                values = _tracking_values(plant, x, x @ A, np.zeros((plant.n_outputs, len(A))))
             else:
                 values = _values(plant, split, x, correction.feedback @ x)
             parts.append(Part(A, values, x))
@@ -110,7 +110,7 @@ def _tracking_values(plant: StateSpace, x_rows: Array, rate_rows: Array, y_rows:
 
 def _values(plant: StateSpace, split: SplitDynamics, x_rows: Array, y_r_rows: Array) -> Array:
     """Rows of [x; u; y] from those of x and of chi_d + v."""
-    F, G = split.internal.form.tracking_law()
+    F, G, _ = split.internal.form.tracking_law()
     u_rows = F @ x_rows + G @ y_r_rows
     return np.vstack([x_rows, u_rows, plant.C @ x_rows + plant.D @ u_rows])
 

@@ -43,8 +43,8 @@ def missing_derivative(problem: PlanningProblem, split: SplitDynamics, trajector
     row = min(missed.tolist() or range(len(owners)), key=lambda row: owners[row][1])
     i, order = owners[row]
     times = np.linspace(reference.breakpoints[0], t, 100)
-    inputs = np.max(np.abs(trajectory.at(times, np.minimum(times, before))[:, n : n + plant.n_channels]), axis=0)
-    held = trajectory.after.held[n : n + plant.n_channels]
+    inputs = np.max(np.abs(trajectory.at(times, np.minimum(times, before))[:, n : n + plant.n_inputs]), axis=0)
+    held = trajectory.after.held[n : n + plant.n_inputs]
     call = redesign_call(reference.size(0), inputs, held=held, error=REDESIGN_ERROR)
     name, less = plant.outputs.names[i], ", less multiples of others," if form.combined and order else ""
     return (

@@ -29,14 +29,17 @@ SHARED_TOLERANCE = 1e-7
 
 
 def zero_kinds(system: StateSpace, zeros: ComplexArray) -> tuple[ZeroKind, ...]:
-    """The kind of each of `zeros`, the invariant zeros of a square `system` with vector relative degree.
+    """The kind of each of `zeros`, the invariant zeros of a `system` with at least as many inputs as outputs.
 
     A zero s is an uncontrollable mode where rank [A - s I, B] < n and an unobservable one where rank [A - s I; C] < n; each such
-    mode is a zero. Of several equal zeros as many are called hidden as there are hidden modes, a number that the rank alone does
-    not tell: the modes come from staircase forms (P. Van Dooren, IEEE Trans. Automatic Control 26, 1981), and they are paired
-    with zeros such that the distances add up to the least.
+    mode is a zero, but for unobservable ones of a plant with more inputs than outputs, which inputs left over move. Of several
+    equal zeros as many are called hidden as there are hidden modes, a number that the rank alone does not tell: the modes come from
+    staircase forms (P. Van Dooren, IEEE Trans. Automatic Control 26, 1981), and they are paired with zeros such that the distances
+    add up to the least.
     """
     modes = hidden_modes(system)
+    if system.n_inputs > system.n_outputs:
+        modes = [(value, kind) for value, kind in modes if kind != "unobservable mode"]
     kinds: list[ZeroKind] = ["transmission zero"] * len(zeros)
     values = np.array([value for value, _ in modes], dtype=complex)
     for zero, mode in zip(*scipy.optimize.linear_sum_assignment(np.abs(zeros[:, None] - values[None, :])), strict=True):

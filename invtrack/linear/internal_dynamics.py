@@ -10,12 +10,13 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.arrays import Array, ComplexArray, complex_numbers, finite_number
+from invtrack.arrays import Array, ComplexArray, as_divisor, complex_numbers, finite_number
 from invtrack.errors import ModelError, NonHyperbolicError
-from invtrack.linear.hidden_modes import zero_kinds
+from invtrack.linear.hidden_modes import COUPLING_TOLERANCE, ERROR_GROWTH, zero_kinds
 from invtrack.linear.normal_form import NormalForm, normal_form
 from invtrack.linear.propagation import Propagator
 from invtrack.linear.pseudospectrum import Pseudospectrum
+from invtrack.linear.staircase import unreached
 from invtrack.linear.state_space import StateSpace
 
 AXIS_TOLERANCE = 1e-8
@@ -40,12 +41,14 @@ REMEDIES = {
 
 @dataclass(frozen=True, eq=False)
 class InternalDynamics:
-    """eta' = A_eta eta + A_zeta zeta + B_r chi, the dynamics left when the outputs are prescribed (zeta, chi: see `NormalForm`).
+    """eta' = A_eta eta + A_zeta zeta + B_r chi + B_v v, the dynamics left when the outputs are prescribed (see `NormalForm`).
 
     Args:
         form: the plant's normal form.
         A_eta, A_zeta, B_r: (n_z, n_z), (n_z, rho) and (n_z, p), for n_z = n - rho internal states.
-        zeros: eigenvalues of A_eta, the plant's invariant zeros (n_z,) [rad/s].
+        B_v: how inputs that are left over move them (n_z, m - p): u = F x + G chi + Z v.
+        unmoved: orthonormal basis (n_z, h) of what they do not move; all of it for as many inputs as outputs.
+        zeros: eigenvalues of A_eta in it, the plant's invariant zeros (h,) [rad/s].
         uncertainty: how large a perturbation of A_eta rounding, and the error of a model found numerically, may amount to.
     """
 
@@ -53,8 +56,15 @@ class InternalDynamics:
     A_eta: Array
     A_zeta: Array
     B_r: Array
+    B_v: Array
+    unmoved: Array
     zeros: ComplexArray
     uncertainty: float
+
+    @property
+    def A_unmoved(self) -> Array:
+        """A_eta in what inputs that are left over do not move (h, h)."""
+        return np.asarray(self.unmoved.T @ self.A_eta @ self.unmoved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,10 +112,13 @@ class SplitDynamics:
         )
 
 
-def internal_dynamics(system: StateSpace) -> InternalDynamics:
-    """Internal dynamics of `system` with the output and its derivatives as the input. Raises RelativeDegreeError."""
+def internal_dynamics(system: StateSpace, R: Array | None = None) -> InternalDynamics:
+    """Internal dynamics of `system` with the output and its derivatives as the input. Raises RelativeDegreeError.
+
+    R (m, m): how dear the inputs are, which decides what is left over of more inputs than outputs (`NormalForm.tracking_law`).
+    """
     form = normal_form(system)
-    F, G = form.tracking_law()
+    F, G, Z = form.tracking_law(R)
     A_y = system.A + system.B @ F
     A_eta = form.N @ A_y @ form.V
     rounding = ROUNDING_FACTOR * system.n_states * np.finfo(float).eps
@@ -113,14 +126,26 @@ def internal_dynamics(system: StateSpace) -> InternalDynamics:
     # What the entries are uncertain by, and what N and V, orthonormal in the form's units, are.
     uncertainty = float(np.linalg.norm(np.abs(form.N) @ errors @ np.abs(form.V)))
     uncertainty += system.n_states * np.finfo(float).eps * float(np.linalg.norm(A_y * form.units / form.units[:, None]))
+    B_v, into = form.N @ system.B @ Z, np.abs(form.N)
+    B_terms, B_errors = into @ np.abs(system.B) @ np.abs(Z), into @ system.errors("B") @ np.abs(Z)
+    B_error = np.maximum(COUPLING_TOLERANCE * np.linalg.norm(B_terms, axis=0), ERROR_GROWTH * np.linalg.norm(B_errors, axis=0))
+    unmoved = _unmoved(A_eta, uncertainty, B_v, B_error)
     return InternalDynamics(
         form=form,
         A_eta=A_eta,
         A_zeta=form.N @ A_y @ form.P,
         B_r=form.N @ system.B @ G,
-        zeros=np.sort_complex(np.linalg.eigvals(A_eta).astype(complex)),
+        B_v=B_v,
+        unmoved=unmoved,
+        zeros=np.sort_complex(np.linalg.eigvals(unmoved.T @ A_eta @ unmoved).astype(complex)),
         uncertainty=uncertainty if A_eta.size else 0.0,
     )
+
+
+def _unmoved(A_eta: Array, A_error: float, B_v: Array, B_error: Array) -> Array:
+    """Orthonormal basis of what B_v does not reach through A_eta (n_z, h); errors (1, m - p) of B_v's columns, rounding included."""
+    A_couples = max(COUPLING_TOLERANCE * float(np.linalg.norm(A_eta)), ERROR_GROWTH * A_error)
+    return unreached([A_eta / as_divisor(A_couples)], B_v / as_divisor(B_error))
 
 
 def zeros_on_axis(internal: InternalDynamics) -> ComplexArray:
@@ -135,7 +160,7 @@ def on_axis(internal: InternalDynamics) -> NDArray[np.bool_]:
     A_eta - z I for z on the way): so a double zero, which rounding splits by sqrt(eps), is still seen. Looking only at j Im s would
     name every real zero beside one at the origin.
     """
-    zeros, movable = internal.zeros, Pseudospectrum(internal.A_eta)
+    zeros, movable = internal.zeros, Pseudospectrum(internal.A_unmoved)
     reached = np.ones(len(zeros), dtype=bool)
     for share in (0.0, 0.25, 0.5, 0.75):
         way = (share * zeros.real + 1j * zeros.imag)[reached].astype(complex)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -21,6 +22,9 @@ REACHED = 1e-11
 PROBES = np.exp(1j * np.array([0.6, 1.0, 1.3]))
 """Where the transfer matrix is looked at, times the plant's pace: anywhere will do that is no zero or pole."""
 
+MOST_CHOICES, SHOWN_CHOICES = 200, 4
+"""How many choices of outputs are looked at where there are too many of them, and how many are named."""
+
 NO_INVERSE_NEEDED = (
     "methods that need no inverse: invtrack.quadratic_redesign, invtrack.constrained_redesign and invtrack.redesign.prefilter, "
     "which follow the outputs as well as the inputs can"
@@ -30,28 +34,30 @@ NO_INVERSE_NEEDED = (
 def why_not_invertible(system: StateSpace) -> str:
     """The sentence for a refusal: which necessary condition of exact tracking fails, and what serves instead.
 
-    Independent inputs, rank [B; D] = p; independent outputs, rank [C, D] = p; each output reached by an input; normal rank p of the
-    transfer matrix G(s).
+    At least as many inputs m as outputs p; independent inputs, rank [B; D] >= p; independent outputs, rank [C, D] = p; each output
+    reached by an input; normal rank p of the transfer matrix G(s).
     """
-    p, inputs, outputs = system.n_channels, system.inputs.names, system.outputs.names
+    m, p, inputs, outputs = system.n_inputs, system.n_outputs, system.inputs.names, system.outputs.names
     unit = plant_units(system)
     A, B, C, D = system.A * unit / unit[:, None], system.B / unit[:, None], system.C * unit, system.D
     remedy = f"; choose other outputs or inputs, or use {NO_INVERSE_NEEDED}"
     transfer = _transfer(A, B, C, D)
+    if p > m:
+        return _too_many_outputs(system, transfer)
     for name, row in zip(outputs, np.moveaxis(transfer, 1, 0), strict=True):
         if not np.any(row):
             return f"output {name!r} is not reached by any input (its row of the transfer matrix vanishes){remedy}"
     for name, column in zip(inputs, np.moveaxis(transfer, 2, 0), strict=True):
-        if not np.any(column):
+        if m == p and not np.any(column):
             return f"input {name!r} reaches no output (its column of the transfer matrix vanishes){remedy}"
     redundant, needless = _null(np.vstack([B, D])), _null(np.hstack([C, D]).T)
-    if redundant.shape[1]:
+    if m - redundant.shape[1] < p:
         told = _combination(redundant[:, 0], inputs)
-        return f"the inputs are not independent: {told} acts on nothing, rank [B; D] is {p - redundant.shape[1]} of {p}{remedy}"
+        return f"the inputs are not independent: {told} acts on nothing, rank [B; D] is {m - redundant.shape[1]} where {p} outputs need {p}{remedy}"
     if needless.shape[1]:
         told = _combination(needless[:, 0], outputs)
         return f"the outputs are not independent: {told} is always zero, rank [C, D] is {p - needless.shape[1]} of {p}{remedy}"
-    rank = max(p - _null(matrix).shape[1] for matrix in transfer)
+    rank = max(m - _null(matrix).shape[1] for matrix in transfer)
     if rank < p:
         left = [_null(matrix.T.conj())[:, 0] for matrix in transfer]
         told = "they obey an equation of their own"
@@ -70,8 +76,30 @@ def why_not_invertible(system: StateSpace) -> str:
     )
 
 
+def _too_many_outputs(system: StateSpace, transfer: ComplexArray) -> str:
+    """The sentence for more outputs than inputs: which of them can be tracked exactly, together."""
+    m, p, inputs, outputs = system.n_inputs, system.n_outputs, system.inputs.names, system.outputs.names
+    rank = max(m - _null(matrix).shape[1] for matrix in transfer)
+    served: list[str] = []
+    for chosen in itertools.islice(itertools.combinations(range(p), rank), MOST_CHOICES):
+        if max(m - _null(matrix[list(chosen)]).shape[1] for matrix in transfer) == rank:
+            served.append(str([outputs[i] for i in chosen]))
+    one = rank == 1
+    message = (
+        f"more outputs than inputs: {m} input(s) {list(inputs)} move {p} outputs {list(outputs)} along {rank} independent "
+        f"{'trajectory' if one else 'trajectories'}, so exactly {rank} of them, or of their combinations, can be tracked exactly"
+    )
+    if served and rank == m:
+        first = served[0]
+        message += (
+            f": {' or '.join(served[:SHOWN_CHOICES])}{' or others' if len(served) > SHOWN_CHOICES else ''} "
+            f"(model.with_outputs({first}), and a reference for {'it' if one else 'them'} alone)"
+        )
+    return f"{message}; to follow all of them as well as the inputs can, use {NO_INVERSE_NEEDED}"
+
+
 def _transfer(A: Array, B: Array, C: Array, D: Array) -> ComplexArray:
-    """G(s) at each probe (m, p, p), entries that are rounding set to zero."""
+    """G(s) at each probe (k, p, m), entries that are rounding set to zero."""
     pace = max(pace_of(A), np.finfo(float).tiny)
     result = []
     for s in pace * PROBES:
@@ -83,7 +111,7 @@ def _transfer(A: Array, B: Array, C: Array, D: Array) -> ComplexArray:
 
 
 def _null(matrix: Array | ComplexArray) -> Array | ComplexArray:
-    """Orthonormal basis of the null space, of rows and columns scaled to unit size, back in the columns' units (p, k)."""
+    """Orthonormal basis of the null space, of rows and columns scaled to unit size, back in the columns' units (m, k)."""
     scaled = matrix / as_divisor(np.max(np.abs(matrix), axis=1, keepdims=True, initial=0.0))
     column = as_divisor(np.max(np.abs(scaled), axis=0, initial=0.0))
     _, sizes, Vh = np.linalg.svd(scaled / column)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.linalg
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, as_divisor
 from invtrack.errors import RelativeDegreeError
 from invtrack.linear.output_derivatives import OutputDerivatives
 from invtrack.linear.scaling import balancing_scale
@@ -21,15 +21,15 @@ from invtrack.linear.structure import OutputStructure, output_structure
 class NormalForm:
     """The plant in coordinates zeta = C_star x (outputs and derivatives) and eta = N x (internal).
 
-    chi = A_x x + B_y u, x = P zeta + V eta, so that T = [C_star; N] and T^-1 = [P V]. For a plant with a vector relative degree r,
-    zeta holds y_i, y_i', ..., y_i^(r_i - 1) and chi the derivatives y_i^(r_i) (Isidori 1989; Devasia 1996, eq. 5); in general both
-    are combinations of the outputs' derivatives (see `OutputStructure`).
+    chi = A_x x + B_y u with m inputs and p outputs, x = P zeta + V eta, so that T = [C_star; N] and T^-1 = [P V]. For a plant with
+    a vector relative degree r, zeta holds y_i, y_i', ..., y_i^(r_i - 1) and chi the derivatives y_i^(r_i) (Isidori 1989; Devasia
+    1996, eq. 5); in general both are combinations of the outputs' derivatives (see `OutputStructure`).
 
     Args:
         orders: how often each output is differentiated, with the sum rho; the vector relative degree (r_1, ..., r_p), if any.
         C_star, N: (rho, n) and (n - rho, n).
         P, V: (n, rho) and (n, n - rho).
-        A_x, B_y: (p, n) and (p, p).
+        A_x, B_y: (p, n) and (p, m).
         zeta, chi: rho and p combinations of the outputs' derivatives.
         combined: whether outputs are combined, so that there is no vector relative degree.
         decoupling_condition: condition number of B_y with rows and columns scaled to unit size.
@@ -59,13 +59,15 @@ class NormalForm:
         """Highest derivative of each output that the input needs (p,); the vector relative degree, where there is one."""
         return tuple(max(pair) for pair in zip(self.zeta.highest, self.chi.highest, strict=True))
 
-    def tracking_law(self) -> tuple[Array, Array]:
-        """F (p, n) and G (p, p) of u = F x + G chi, the law that keeps exact tracking once it holds."""
-        # In rows and columns of unit size: the channels' units, far apart, would pass for a singular matrix.
-        row = np.max(np.abs(self.B_y), axis=1, keepdims=True)
-        column = np.max(np.abs(self.B_y / row), axis=0, keepdims=True)
-        solved = scipy.linalg.solve(self.B_y / row / column, np.hstack([-self.A_x, np.eye(len(row))]) / row) / column.T
-        return solved[:, : self.A_x.shape[1]], solved[:, self.A_x.shape[1] :]
+    def tracking_law(self, R: Array | None = None) -> tuple[Array, Array, Array]:
+        """F (m, n), G (m, p) and Z (m, m - p) of u = F x + G chi + Z v, the law that keeps exact tracking once it holds.
+
+        v is free. With R (m, m), positive definite, F x + G chi is the least u'R u for which chi is what it is to be, and Z'R Z = I;
+        unless stated inputs count in the units in which B_y's columns are of unit size.
+        """
+        n = self.A_x.shape[1]
+        solved, Z = _inputs_for(self.B_y, np.hstack([-self.A_x, np.eye(len(self.B_y))]), R)
+        return solved[:, :n], solved[:, n:], Z
 
 
 def relative_degree(system: Any) -> tuple[int, ...]:
@@ -91,7 +93,7 @@ def normal_form(system: Any) -> NormalForm:
     """Normal form of `system`, internal coordinates orthonormal after balancing the states.
 
     system: StateSpace, or anything with A, B, C, D. Raises ModelError for a malformed model, RelativeDegreeError where its transfer
-    matrix has no inverse.
+    matrix has no (right) inverse.
     """
     system = as_state_space(system)
     found = output_structure(system)
@@ -119,10 +121,29 @@ def _couplings(system: StateSpace, structure: OutputStructure) -> Array:
     The plant alone may fall apart into parts that do not act on each other (chains of integrators), which could not be balanced:
     the law that holds an output makes chi of it, as fast as the plant is.
     """
-    inverse = np.abs(np.linalg.solve(structure.B_y, np.eye(len(structure.B_y))))
     held = plant_pace(system) ** np.array(structure.orders, dtype=float)
-    law = np.abs(np.linalg.solve(structure.B_y, structure.A_x)) + inverse @ (held[:, None] * np.abs(system.C))
+    solved, _ = _inputs_for(structure.B_y, np.hstack([structure.A_x, np.eye(len(structure.B_y))]))
+    law = np.abs(solved[:, : system.n_states]) + np.abs(solved[:, system.n_states :]) @ (held[:, None] * np.abs(system.C))
     return np.asarray(np.abs(system.A) + np.abs(system.B) @ law)
+
+
+def _inputs_for(B_y: Array, wanted: Array, R: Array | None = None) -> tuple[Array, Array]:
+    """U (m, k) of the least tr U'R U with B_y U = wanted, B_y (p, m) of full row rank, and Z (m, m - p) with B_y Z = 0, Z'R Z = I.
+
+    Unless R (m, m) is stated, inputs count in the units in which B_y's columns are of unit size.
+    """
+    p, m = B_y.shape
+    # In rows and columns of unit size: the channels' units, far apart, would pass for a singular matrix.
+    row = np.max(np.abs(B_y), axis=1, keepdims=True)
+    column = as_divisor(np.max(np.abs(B_y / row), axis=0))
+    if m == p:
+        return scipy.linalg.solve(B_y / row / column, wanted / row) / column[:, None], np.zeros((m, 0))
+    weight = np.diag(column**2) if R is None else R
+    scale = np.sqrt(np.diag(weight))
+    # u = S w with S'R S = I, in which the least w is the one at right angles to the free ones.
+    S = scipy.linalg.solve_triangular(scipy.linalg.cholesky(weight / np.outer(scale, scale)), np.eye(m)) / scale[:, None]
+    Q, T = np.linalg.qr((B_y / row @ S).T, mode="complete")
+    return S @ Q[:, :p] @ scipy.linalg.solve_triangular(T[:p].T, wanted / row, lower=True), S @ Q[:, p:]
 
 
 def _internal_coordinates(units: Array, C_star: Array) -> tuple[Array, Array, Array]:

@@ -21,8 +21,8 @@ def unit_ratios(plant: SwitchedSystem) -> Array:
     stand anywhere acts on nothing else in the plant, but an inverse finds it from where the tip is to be.
     """
     A, B, C = (np.max([np.abs(getattr(system, name)) for system in plant.distinct], axis=0) for name in "ABC")
-    n, p = B.shape
-    loop = np.block([[A, B, np.zeros((n, p))], [np.zeros((p, n + p)), np.ones((p, p))], [C, np.zeros((p, 2 * p))]])
+    (n, m), p = B.shape, len(C)
+    loop = np.block([[A, B, np.zeros((n, p))], [np.zeros((m, n + m)), np.ones((m, p))], [C, np.zeros((p, m + p))]])
     part, units = parts(loop)[:n], np.exp2(np.mean([np.log2(plant_units(system)) for system in plant.distinct], axis=0))
     return np.asarray(np.where(part[:, None] == part, units[:, None] / units, 0.0))
 

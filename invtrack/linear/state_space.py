@@ -20,7 +20,7 @@ class OperatingPoint:
     """The point about which a linear model holds, in absolute coordinates.
 
     x0 is the state from which deviations are measured (for a mechanism: qpos, qvel and activations, so it may be longer than the
-    model's state), u0 (p,) the input and y0 (p,) the output there, in the units of actuators and sensors.
+    model's state), u0 (m,) the input and y0 (p,) the output there, in the units of actuators and sensors.
 
     Raises ModelError for what is no vector of finite numbers.
     """
@@ -43,7 +43,7 @@ class OperatingPoint:
 class Measurement:
     """What a controller can measure: y_m = y0 + C x + D (u - u0).
 
-    C (m, n), D (m, p), m channels (names alone will do), and the values y0 (m,) at the operating point. Any number of signals m;
+    C (k, n), D (k, m), k channels (names alone will do), and the values y0 (k,) at the operating point. Any number of signals k;
     they need not be the outputs that follow a trajectory.
 
     Raises ModelError for what is no matrix or vector of finite numbers.
@@ -63,14 +63,17 @@ class Measurement:
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """A linear model x' = A x + B (u - u0), y = y0 + C x + D (u - u0), square (as many inputs as outputs).
+    """A linear model x' = A x + B (u - u0), y = y0 + C x + D (u - u0) with n states, m inputs and p outputs.
 
-    x is the deviation from the operating point; inputs u and outputs y are absolute.
+    x is the deviation from the operating point; inputs u and outputs y are absolute. Exact inversion needs at least as many inputs
+    as outputs, and some methods as many inputs as outputs; where that is so they say it.
 
     Args:
-        A, B, C, D: (n, n), (n, p), (p, n) and (p, p); D is zero unless stated.
+        A, B, C, D: (n, n), (n, m), (p, n) and (p, m); D is zero unless stated.
         states, inputs, outputs: names and units, as Channels or names alone; x1, u1, y1 and so on unless stated.
         operating_point: where u0 and y0 come from; None: both are zero.
+        input_limits: smallest and largest value of each input (m, 2), absolute, infinite where there is none; unlimited unless
+            stated.
         measurement: what a controller can measure, the outputs themselves unless stated.
         parameters: values, by name, of the physical parameters that the model holds for, as far as they are known.
         error_estimates: for a model that was found numerically, estimates of the errors of its matrices' entries, by the matrix's
@@ -87,6 +90,7 @@ class StateSpace:
     inputs: Channels
     outputs: Channels
     operating_point: OperatingPoint
+    input_limits: Array
     measurement: Measurement
     parameters: Mapping[str, float] = field(default_factory=dict)
     error_estimates: Mapping[str, Array] = field(default_factory=dict)
@@ -102,40 +106,40 @@ class StateSpace:
         inputs: Channels | Sequence[str] | None = None,
         outputs: Channels | Sequence[str] | None = None,
         operating_point: OperatingPoint | None = None,
+        input_limits: ArrayLike | None = None,
         measurement: Measurement | None = None,
         parameters: Mapping[str, float] | None = None,
         error_estimates: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         A, B, C = _matrix("A", A), _matrix("B", B), _matrix("C", C)
         D = np.zeros((C.shape[0], B.shape[1])) if D is None else _matrix("D", D)
-        n, p = A.shape[0], B.shape[1]
-        if n == 0 or p == 0:
-            raise ModelError(f"expected at least one state and one input, got {n} states and {p} inputs")
-        expected = {"A": (n, n), "B": (n, p), "C": (p, n), "D": (p, p)}
+        n, m, p = A.shape[0], B.shape[1], C.shape[0]
+        if min(n, m, p) == 0:
+            raise ModelError(f"expected at least one state, input and output, got {n} states, {m} inputs and {p} outputs")
+        expected = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
         for name, matrix in (("A", A), ("B", B), ("C", C), ("D", D)):
             if matrix.shape != expected[name]:
                 raise ModelError(
-                    f"{name} has shape {matrix.shape}, expected {expected[name]} for {n} states and {p} inputs; inversion needs as "
-                    "many outputs as inputs, so choose the outputs that are to follow the trajectory"
+                    f"{name} has shape {matrix.shape}, expected {expected[name]} for {n} states, {m} inputs and {p} outputs"
                 )
         if operating_point is None:
-            operating_point = OperatingPoint(x0=np.zeros(n), u0=np.zeros(p), y0=np.zeros(p))
+            operating_point = OperatingPoint(x0=np.zeros(n), u0=np.zeros(m), y0=np.zeros(p))
         expecting = "an OperatingPoint, such as linearize(plant).operating_point"
         instance("operating_point", operating_point, OperatingPoint, expected=expecting, error=ModelError)
-        if operating_point.u0.shape != (p,) or operating_point.y0.shape != (p,):
+        if operating_point.u0.shape != (m,) or operating_point.y0.shape != (p,):
             raise ModelError(
                 f"operating point has u0 of shape {operating_point.u0.shape} and y0 of shape {operating_point.y0.shape}, "
-                f"expected ({p},) for both"
+                f"expected ({m},) and ({p},)"
             )
         outputs = _channels("output", "y", outputs, p)
         if measurement is None:
             measurement = Measurement(C, D, outputs, operating_point.y0)
         instance("measurement", measurement, Measurement, expected="an invtrack.linear.Measurement", error=ModelError)
-        m = len(measurement.channels)
-        if measurement.C.shape != (m, n) or measurement.D.shape != (m, p) or measurement.y0.shape != (m,):
+        count = len(measurement.channels)
+        if measurement.C.shape != (count, n) or measurement.D.shape != (count, m) or measurement.y0.shape != (count,):
             raise ModelError(
-                f"measurement of {m} signals has C {measurement.C.shape}, D {measurement.D.shape} and y0 {measurement.y0.shape}, "
-                f"expected ({m}, {n}), ({m}, {p}) and ({m},)"
+                f"measurement of {count} signals has C {measurement.C.shape}, D {measurement.D.shape} and y0 "
+                f"{measurement.y0.shape}, expected ({count}, {n}), ({count}, {m}) and ({count},)"
             )
         values: dict[str, Any] = {
             "A": A,
@@ -143,9 +147,10 @@ class StateSpace:
             "C": C,
             "D": D,
             "states": _channels("state", "x", states, n),
-            "inputs": _channels("input", "u", inputs, p),
+            "inputs": _channels("input", "u", inputs, m),
             "outputs": outputs,
             "operating_point": operating_point,
+            "input_limits": _limits(input_limits, m),
             "measurement": measurement,
             "parameters": _numbers("parameters", parameters, "values by the names of physical parameters"),
             "error_estimates": _errors(error_estimates, expected),
@@ -159,13 +164,38 @@ class StateSpace:
         return len(self.A)
 
     @property
-    def n_channels(self) -> int:
-        """Number of inputs, and of outputs, p."""
-        return len(self.D)
+    def n_inputs(self) -> int:
+        """Number of inputs m."""
+        return self.D.shape[1]
+
+    @property
+    def n_outputs(self) -> int:
+        """Number of outputs p."""
+        return self.D.shape[0]
 
     def errors(self, name: str) -> Array:
         """Estimates of the errors of the entries of one of A, B, C and D, zero where there are none."""
         return self.error_estimates.get(name, np.zeros_like(getattr(self, name)))
+
+    def with_outputs(self, outputs: Sequence[str]) -> StateSpace:
+        """The system with only these of its outputs, in this order; what a controller can measure stays as it is.
+
+        Raises ModelError for names that are not its outputs, or repeat.
+        """
+        chosen = texts("outputs", outputs, expected=f"a list of some of the outputs {list(self.outputs.names)}", error=ModelError)
+        unknown = [name for name in chosen if name not in self.outputs.names]
+        if unknown or not chosen or len(set(chosen)) < len(chosen):
+            raise ModelError(f"expected some of the outputs {list(self.outputs.names)}, each once, got {list(chosen)}")
+        rows = [self.outputs.names.index(name) for name in chosen]
+        point, errors = self.operating_point, dict(self.error_estimates)
+        return replace(
+            self,
+            C=self.C[rows],
+            D=self.D[rows],
+            outputs=self.outputs.subset(chosen),
+            operating_point=replace(point, y0=point.y0[rows]),
+            error_estimates={name: value[rows] if name in ("C", "D") else value for name, value in errors.items()},
+        )
 
     def transformed(self, T: ArrayLike, states: Channels | Sequence[str] | None = None) -> StateSpace:
         """The same system in the coordinates T x (T (n, n), nonsingular): T A T^-1, T B, C T^-1, D."""
@@ -176,7 +206,7 @@ class StateSpace:
             raise ModelError("T is singular to working precision, so it is no change of coordinates")
         stacked = np.vstack([self.A, self.C, self.measurement.C])
         A, C, C_m = np.split(
-            np.linalg.solve(T.T, stacked.T).T, [self.n_states, self.n_states + self.n_channels]
+            np.linalg.solve(T.T, stacked.T).T, [self.n_states, self.n_states + self.n_outputs]
         )  # [A; C; C_m] T^-1
         into, back = np.abs(T), np.abs(np.linalg.inv(T))
         errors = {
@@ -194,6 +224,7 @@ class StateSpace:
             inputs=self.inputs,
             outputs=self.outputs,
             operating_point=self.operating_point,
+            input_limits=self.input_limits,
             measurement=replace(self.measurement, C=C_m),
             parameters=self.parameters,
             error_estimates={name: errors[name] for name in self.error_estimates},
@@ -234,6 +265,13 @@ def _matrix(name: str, value: ArrayLike) -> Array:
         raise ModelError(f"{name} has entries that are not finite")
     matrix.setflags(write=False)
     return matrix
+
+
+def _limits(value: ArrayLike | None, m: int) -> Array:
+    limits = real_numbers("input_limits", [[-np.inf, np.inf]] * m if value is None else value, error=ModelError)
+    if limits.shape != (m, 2) or not np.all(limits[:, 0] <= limits[:, 1]):
+        raise ModelError(f"input_limits must be ({m}, 2), lowest before highest, got {limits.tolist()}")
+    return limits
 
 
 def _errors(value: Mapping[str, ArrayLike] | None, shapes: Mapping[str, tuple[int, int]]) -> dict[str, Array]:

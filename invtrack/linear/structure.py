@@ -29,7 +29,7 @@ DECOUPLING_CONDITION_LIMIT = 1e10
 
 @dataclass(frozen=True, eq=False)
 class OutputStructure:
-    """C_star x = zeta, rows that no input enters, and A_x x + B_y u = chi with B_y invertible.
+    """C_star x = zeta, rows that no input enters, and A_x x + B_y u = chi with B_y of full row rank, m inputs and p outputs.
 
     zeta and chi are combinations of the outputs and their derivatives. Row i begins as output i and is differentiated orders[i]
     times; where its inputs' gains depend on those of rows that have all they need, multiples of these are taken away first. Without
@@ -39,7 +39,7 @@ class OutputStructure:
     Args:
         orders: (p,), with the sum rho.
         C_star: (rho, n), the rows of output 1, of output 2, and so on.
-        A_x, B_y: (p, n) and (p, p).
+        A_x, B_y: (p, n) and (p, m).
         zeta, chi: rho and p combinations of the outputs' derivatives.
         combined: whether rows were combined, so that there is no vector relative degree.
         decoupling_condition: condition number of B_y with rows and columns scaled to unit size.
@@ -61,7 +61,7 @@ class _Row:
 
     Args:
         c, c_size, c_error: (n,).
-        d, d_size, d_error: (p,).
+        d, d_size, d_error: (m,).
         h: (k + 1, p).
         turned: whether c may hold what rounding left of a zero, so that its products are measured against norms, too.
     """
@@ -77,7 +77,7 @@ class _Row:
 
     @property
     def d_tolerance(self) -> Array:
-        """Below which an entry of d is none (p,)."""
+        """Below which an entry of d is none (m,)."""
         return ROW_TOLERANCE * self.d_size + self.d_error
 
     @property
@@ -86,8 +86,8 @@ class _Row:
         return bool(np.all(np.abs(self.c) <= ROW_TOLERANCE * self.c_size + self.c_error))
 
     def without(self, multiples: Array, others: Sequence[_Row]) -> _Row:
-        """The row less multiples (m,) of others, with the gains that are left."""
-        h = np.zeros((max(len(row.h) for row in (self, *others)), len(self.d)))
+        """The row less multiples (k,) of others, with the gains that are left."""
+        h = np.zeros((max(len(row.h) for row in (self, *others)), self.h.shape[1]))
         h[: len(self.h)] = self.h
         c, c_size, c_error = self.c.copy(), self.c_size.copy(), self.c_error.copy()
         d, d_size, d_error = self.d.copy(), self.d_size.copy(), self.d_error.copy()
@@ -101,14 +101,17 @@ class _Row:
 
 
 def output_structure(system: StateSpace) -> OutputStructure:
-    """The structure of a square system, which exists where its transfer matrix is invertible.
+    """The structure of a system, which exists where its transfer matrix has full row rank: where it has a right inverse.
 
     Coefficients are held, one by one, against the terms that they are the sum of and the model's error estimates. Raises
-    RelativeDegreeError, with the reason, where the transfer matrix is singular or cannot be told from a singular one. Source: L. M.
+    RelativeDegreeError, with the reason, where the transfer matrix is singular (of lower normal rank than there are outputs) or cannot be told
+    from a singular one. Source: L. M.
     Silverman, "Inversion of multivariable linear systems", IEEE Trans. Automatic Control 14, 1969; with a vector relative degree
     it is the normal form of Isidori 1989 (Devasia 1996, eq. 5).
     """
-    p, n = system.n_channels, system.n_states
+    p, n = system.n_outputs, system.n_states
+    if p > system.n_inputs:
+        raise RelativeDegreeError(why_not_invertible(system))
     state_unit = plant_units(system)
     rows = [_output_row(system, i) for i in range(p)]
     chains: list[list[_Row]] = [[] for _ in range(p)]
@@ -142,7 +145,7 @@ def output_structure(system: StateSpace) -> OutputStructure:
 def _output_row(system: StateSpace, i: int) -> _Row:
     c, d = system.C[i].copy(), system.D[i].copy()
     c_error, d_error = system.errors("C")[i], system.errors("D")[i]
-    row = _Row(c, np.abs(c), c_error, d, np.abs(d), d_error, np.eye(system.n_channels)[i : i + 1])
+    row = _Row(c, np.abs(c), c_error, d, np.abs(d), d_error, np.eye(system.n_outputs)[i : i + 1])
     return _without_rounding(row)
 
 
@@ -203,7 +206,7 @@ def _settle(rows: list[_Row], done: list[int]) -> bool:
 
 
 def _explained(row: _Row, others: Sequence[_Row], input_unit: Array) -> tuple[Array, float]:
-    """Multiples (m,) of the others' gains that come nearest to the row's, and the share of these left, 0 where it is rounding."""
+    """Multiples (k,) of the others' gains that come nearest to the row's, and the share of these left, 0 where it is rounding."""
     gains, size = row.d * input_unit, float(np.linalg.norm(row.d * input_unit))
     if size == 0 or not others:
         return np.zeros(len(others)), float(size > 0)

@@ -76,9 +76,20 @@ class SwitchedSystem:
         return self.systems[0].n_states
 
     @property
-    def n_channels(self) -> int:
-        """Number of inputs, and of outputs, p."""
-        return self.systems[0].n_channels
+    def n_inputs(self) -> int:
+        """Number of inputs m."""
+        return self.systems[0].n_inputs
+
+    @property
+    def n_outputs(self) -> int:
+        """Number of outputs p."""
+        return self.systems[0].n_outputs
+
+    @property
+    def input_limits(self) -> Array:
+        """Smallest and largest value of each input that every interval allows (m, 2), absolute."""
+        limits = np.array([system.input_limits for system in self.distinct])
+        return np.column_stack([np.max(limits[:, :, 0], axis=0), np.min(limits[:, :, 1], axis=0)])
 
     @property
     def states(self) -> Channels:

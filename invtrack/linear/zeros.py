@@ -154,7 +154,8 @@ def _upper(value: complex) -> complex:
 
 
 def zeros(system: Any) -> ComplexArray:
-    """Invariant zeros [rad/s] of a square plant with an inverse: the eigenvalues of its internal dynamics, (n - rho,).
+    """Invariant zeros [rad/s] of a plant with a (right) inverse: the eigenvalues of its internal dynamics, as many as stay as they
+    are whatever inputs that are left over do; (n - rho,) of a square plant.
 
     system: StateSpace, or anything with A, B, C, D. Raises ModelError for a malformed model, RelativeDegreeError where its transfer
     matrix has no inverse.
@@ -163,7 +164,7 @@ def zeros(system: Any) -> ComplexArray:
 
 
 def zero_report(system: Any) -> ZeroReport:
-    """The invariant zeros of a square plant: on which side of the axis, hidden or not, and the preactuation they imply.
+    """The invariant zeros of a plant: on which side of the axis, hidden or not, and the preactuation they imply.
 
     A zero s is an eigenvalue of the internal dynamics; it is an uncontrollable mode where rank [A - s I, B] < n, an unobservable
     one where rank [A - s I; C] < n, else a transmission zero (Emami-Naeini, Van Dooren 1982). system: StateSpace, or anything with

@@ -82,10 +82,10 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     for name, value, kind in (("model", model, SwitchedSystem), ("trajectory", trajectory, Trajectory)):
         instance(name, value, kind, expected=f"a {kind.__name__}, as a plan holds it", error=PlanError)
     instance("reference", reference, PiecewiseSignal, expected="a signal", error=PlanError)
-    if (trajectory.rows, reference.n_channels) != (model.n_states + 2 * model.n_channels, model.n_channels):
+    if (trajectory.rows, reference.n_channels) != (model.n_states + model.n_inputs + model.n_outputs, model.n_outputs):
         raise PlanError(
-            f"expected a trajectory of [x; u; y] and a reference for {model.n_states} states and {model.n_channels} channels, got "
-            f"{trajectory.rows} rows and {reference.n_channels} channels"
+            f"expected a trajectory of [x; u; y] and a reference for {model.n_states} states, {model.n_inputs} inputs and "
+            f"{model.n_outputs} outputs, got {trajectory.rows} rows and {reference.n_channels} channels"
         )
     span = tuple(real_vector("span [s]", span, ["start", "end"], error=PlanError).tolist())
     if span[1] <= span[0]:  # at rest throughout: nothing happens in no time, so look on both sides of it
@@ -93,7 +93,7 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     panels_per_piece = min(PANELS_PER_PIECE, max(FEWEST_PANELS, EQUATIONS_PER_PIECE // model.n_states))
     starts, ends, piece = _panels(trajectory, model.switch_times, span, panels_per_piece)
     nodes, weights = np.polynomial.legendre.leggauss(10)
-    n, p = model.n_states, model.n_channels
+    n, m, p = model.n_states, model.n_inputs, model.n_outputs
     times = (starts[:, None] + ends[:, None]) / 2 + (ends - starts)[:, None] / 2 * nodes
     inner = trajectory(times.ravel(), np.repeat(piece, len(nodes))).reshape(len(piece), len(nodes), -1)
     x_start, x_end = trajectory(starts, piece)[:, :n], trajectory(ends, piece)[:, :n]
@@ -104,7 +104,7 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     size, rate = np.max(np.abs(inner[:, :, :n]), axis=(0, 1)), np.zeros(n)
     for k in np.unique(interval):
         system, chosen = model.systems[k], interval == k
-        x, u = inner[chosen, :, :n], inner[chosen, :, n : n + p]
+        x, u = inner[chosen, :, :n], inner[chosen, :, n : n + m]
         planned[chosen] = x @ system.C.T + u @ system.D.T
         half = (ends - starts)[chosen, None] / 2
         change[chosen] = np.einsum("mgi,g->mi", x @ system.A.T + u @ system.B.T, weights) * half
@@ -122,7 +122,7 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     wanted_size = np.where(wanted_size > 0, np.maximum(wanted_size, CANCELLED * possible), np.where(possible > 0, possible, 1.0))
     return Certificate(
         dynamics_residual=float(np.max(np.maximum(np.abs(x_end - x_start - change) - moved, 0.0) / size)),
-        output_error=float(np.max((np.abs(planned - wanted) + np.abs(inner[:, :, n + p :] - planned)) / wanted_size)),
+        output_error=float(np.max((np.abs(planned - wanted) + np.abs(inner[:, :, n + m :] - planned)) / wanted_size)),
         continuity=_continuity(trajectory, size),
         rest_residual=_rest_residual(trajectory, span, size),
     )

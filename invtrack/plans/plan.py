@@ -97,7 +97,7 @@ class Plan:
 
     @cached_property
     def input_range(self) -> tuple[Array, Array]:
-        """Lowest and highest value of each input from start to end of the plan, both (p,): known before a simulation."""
+        """Lowest and highest value of each input from start to end of the plan, both (m,): known before a simulation."""
         edges = np.unique(np.concatenate([[self.start], self.breakpoints, [self.end]]))
         if len(edges) == 1:  # a motion that runs for ever without a breakpoint: its value at the one time it names
             edges = np.repeat(edges, 2)
@@ -115,24 +115,24 @@ class Plan:
         return self.trajectory.breakpoints
 
     def states(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
-        """States (m, n) at times t (m,) [s], as deviations from the operating point; see __call__."""
+        """States (k, n) at times t (k,) [s], as deviations from the operating point; see __call__."""
         return self.trajectory.at(t, inside, slice(0, self.model.n_states))
 
     def inputs(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
-        """Inputs (m, p) at times t (m,) [s]; see __call__."""
-        n, p = self.model.n_states, self.model.n_channels
-        return self.trajectory.at(t, inside, slice(n, n + p)) + self.model.operating_point.u0
+        """Inputs (k, m) at times t (k,) [s]; see __call__."""
+        n = self.model.n_states
+        return self.trajectory.at(t, inside, slice(n, n + self.model.n_inputs)) + self.model.operating_point.u0
 
     def __call__(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Samples:
-        """Values at times t (m,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""
+        """Values at times t (k,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""
         values = self.trajectory.at(t, inside)
-        n, p, point = self.model.n_states, self.model.n_channels, self.model.operating_point
+        n, m, point = self.model.n_states, self.model.n_inputs, self.model.operating_point
         times = np.atleast_1d(np.asarray(t, dtype=float))
         return Samples(
             time=times,
             x=values[:, :n],
-            u=values[:, n : n + p] + point.u0,
-            y=values[:, n + p :] + point.y0,
+            u=values[:, n : n + m] + point.u0,
+            y=values[:, n + m :] + point.y0,
             y_d=self.reference(times, inside=times if inside is None else np.broadcast_to(inside, times.shape)),
         )
 

@@ -60,8 +60,8 @@ def input_growth(plan: Plan) -> InputGrowth:
     """The modes of the plan's tail before the manoeuvre. Raises TrajectoryError for one in which the reference goes on moving."""
     require_plan(plan)
     tail, u_0 = plan.trajectory.before, plan.model.operating_point.u0
-    n, p = plan.model.n_states, plan.model.n_channels
-    rows = slice(n, n + p)
+    n = plan.model.n_states
+    rows = slice(n, n + plan.model.n_inputs)
     if not tail.holds_still and np.any(tail.X_w[rows] @ tail.S):
         raise TrajectoryError(
             "the plan is not at rest before its manoeuvre: the reference moves there for ever; let it hold still before its start"

@@ -159,9 +159,9 @@ def require_reference(plant: SwitchedSystem | StateSpace, reference: object) -> 
             "expected a reference such as invtrack.rest_to_rest(0.0, 1.0, duration=2.0) or invtrack.sampled_reference(times, "
             f"values), got {type(reference).__name__}"
         )
-    if reference.n_channels != plant.n_channels:
+    if reference.n_channels != plant.n_outputs:
         raise TrajectoryError(
-            f"the reference has {reference.n_channels} channels, the plant {plant.n_channels} outputs "
+            f"the reference has {reference.n_channels} channels, the plant {plant.n_outputs} outputs "
             f"{list(plant.outputs.names)}; stack one signal per output with invtrack.references.stack"
         )
 

@@ -163,7 +163,7 @@ def _wanted(time: Array, y_d: Array) -> PiecewiseSignal:
 
 def _trajectory(model: SwitchedSystem, edges: Array, samples: SampledPlan, *, held: bool, u_0: Array, y_0: Array) -> Trajectory:
     """Segments between the edges (m + 1,), m rows: Hermite cubics in x and y, constants or lines in u."""
-    h, n, p = np.diff(edges)[:, None], model.n_states, model.n_channels
+    h, n, m = np.diff(edges)[:, None], model.n_states, model.n_inputs
     u = samples.u_ff - u_0
     u_end = u if held else np.vstack([u[1:], u[-1:]])
     x, y = samples.x_ref, samples.y - y_0
@@ -176,10 +176,10 @@ def _trajectory(model: SwitchedSystem, edges: Array, samples: SampledPlan, *, he
     y_end = np.vstack([y[1:], (C[-1] @ x_end[-1] + D[-1] @ u_end[-1])[None]])
     rate = (u_end - u) / h
     slopes_y = [np.einsum("kij,kj->ki", C, s) + np.einsum("kij,kj->ki", D, rate) for s in (slopes_start, slopes_end)]
-    coefficients = np.zeros((len(x), 4, n + 2 * p))
+    coefficients = np.zeros((len(x), 4, n + m + model.n_outputs))
     coefficients[:, :, :n] = _hermite(x, x_end, h * slopes_start, h * slopes_end)
-    coefficients[:, 0, n : n + p], coefficients[:, 1, n : n + p] = u, u_end - u
-    coefficients[:, :, n + p :] = _hermite(y, y_end, h * slopes_y[0], h * slopes_y[1])
+    coefficients[:, 0, n : n + m], coefficients[:, 1, n : n + m] = u, u_end - u
+    coefficients[:, :, n + m :] = _hermite(y, y_end, h * slopes_y[0], h * slopes_y[1])
     count = np.arange(len(x))
     first = np.concatenate([x[0], u[0], y[0]])
     last = np.concatenate([x_end[-1], u_end[-1], y_end[-1]])
@@ -217,7 +217,8 @@ def _system_as_json(system: StateSpace) -> dict[str, Any]:
     matrices = {name: getattr(system, name).tolist() for name in "ABCD"}
     measurement = {name: getattr(system.measurement, name).tolist() for name in ("C", "D", "y0")}
     errors = {name: value.tolist() for name, value in system.error_estimates.items()}
-    return {**matrices, "measurement": measurement, "parameters": dict(system.parameters), "error_estimates": errors}
+    limits = [[float(limit) if math.isfinite(limit) else None for limit in pair] for pair in system.input_limits]
+    return {**matrices, "input_limits": limits, "measurement": measurement, "parameters": dict(system.parameters), "error_estimates": errors}
 
 
 def _model_from(data: dict[str, Any]) -> SwitchedSystem:
@@ -237,6 +238,7 @@ def _model_from(data: dict[str, Any]) -> SwitchedSystem:
             inputs=channels["inputs"],
             outputs=channels["outputs"],
             operating_point=point,
+            input_limits=[[limit if limit is not None else end for limit, end in zip(pair, (-math.inf, math.inf), strict=True)] for pair in entry["input_limits"]],
             measurement=Measurement(C.reshape(shape[0]), D.reshape(shape[1]), names, y_0),
             parameters=entry["parameters"],
             error_estimates=entry["error_estimates"],

@@ -92,7 +92,7 @@ class Weights:
             )
 
     def input_weight(self, D: Array) -> Array:
-        """R + D'Q_y D (p, p): everything in the cost that is quadratic in the input itself."""
+        """R + D'Q_y D (m, m): everything in the cost that is quadratic in the input itself."""
         return np.asarray(self.R + D.T @ self.Q_y @ D)
 
 
@@ -102,9 +102,9 @@ def as_weights(plant: SwitchedSystem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: Arra
     Raises RedesignError for a weight of the wrong shape, one that is not symmetric or not positive semidefinite, or R + D'Q_y D
     singular.
     """
-    n, p = plant.n_states, plant.n_channels
+    n, m, p = plant.n_states, plant.n_inputs, plant.n_outputs
     weights = Weights(
-        R=real_weight("R", R, p, meaning=f"inputs {list(plant.inputs.names)}", error=RedesignError),
+        R=real_weight("R", R, m, meaning=f"inputs {list(plant.inputs.names)}", error=RedesignError),
         Q_x=real_weight("Q_x", Q_x, n, meaning=f"states {list(plant.states.names)}", error=RedesignError),
         Q_y=real_weight("Q_y", Q_y, p, meaning=f"outputs {list(plant.outputs.names)}", error=RedesignError),
     )

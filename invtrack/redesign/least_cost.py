@@ -62,7 +62,7 @@ class LeastCost:
         Raises RedesignError where it does not exist, or its equations are too far out of working precision.
         """
         self.weights.require_within(FARTHEST, error=PrecisionError)
-        first, p = self.problems[0], self.problems[0].plant.n_channels
+        first, m = self.problems[0], self.problems[0].plant.n_inputs
         systems = self._systems()
         if np.any(self.weights.Q_y):
             optima = {id(system): optimum(system, self.weights) for system in systems}
@@ -75,7 +75,7 @@ class LeastCost:
                     f"s; {ADVICE}"
                 )
         else:  # where nothing is asked of the output, not to move (the Riccati equation may have no stabilizing solution)
-            models = [_Rest(2 * self.n_states + p + len(self.weights.Q_y))] * len(systems)
+            models = [_Rest(2 * self.n_states + m + len(self.weights.Q_y))] * len(systems)
         trajectory = two_sided_problem(first, models, one_unit=False).solve().trajectory()
         self._require_free_holding(trajectory)
         gap = Conditions(systems, first.owner, self.weights, first.deviation).gap(trajectory)
@@ -99,9 +99,9 @@ class LeastCost:
 
     def of_plant(self, k: int, trajectory: Trajectory) -> Trajectory:
         """[x; u; y] of one plant."""
-        n, p = self.problems[k].plant.n_states, self.problems[k].plant.n_channels
-        N = self.n_states
-        rows = np.concatenate([np.arange(k * n, (k + 1) * n), N + np.arange(p), N + p + np.arange(k * p, (k + 1) * p)])
+        plant, N = self.problems[k].plant, self.n_states
+        n, m, p = plant.n_states, plant.n_inputs, plant.n_outputs
+        rows = np.concatenate([np.arange(k * n, (k + 1) * n), N + np.arange(m), N + m + np.arange(k * p, (k + 1) * p)])
         return trajectory.mapped(np.eye(trajectory.rows)[rows])
 
     def _systems(self) -> list[TrackedSystem]:

@@ -122,15 +122,15 @@ def bounds_of(limits: Limits, plant: SwitchedSystem) -> tuple[Bound, ...]:
     """
     if not isinstance(limits, Limits):
         raise RedesignError(f"expected limits such as invtrack.Limits(input=5.0), got {shown(limits)}")
-    n, p, point = plant.n_states, plant.n_channels, plant.operating_point
+    n, m, p, point = plant.n_states, plant.n_inputs, plant.n_outputs, plant.operating_point
     kinds: tuple[tuple[Kind, str, Range, Channels, int, Array], ...] = (
         ("input", "input", limits.input, plant.inputs, n, point.u0),
-        ("input rate", "input_rate", limits.input_rate, plant.inputs, n, np.zeros(p)),
-        ("path", "output", limits.output, plant.outputs, n + p, point.y0),
+        ("input rate", "input_rate", limits.input_rate, plant.inputs, n, np.zeros(m)),
+        ("path", "output", limits.output, plant.outputs, n + m, point.y0),
     )
-    rows, found = np.eye(n + 2 * p), []
+    rows, found = np.eye(n + m + p), []
     for kind, name, value, channels, first, offset in kinds:
-        low, high = _sides(name, value, p, f"{name.partition('_')[0]}s {list(channels.names)}")
+        low, high = _sides(name, value, len(channels), f"{name.partition('_')[0]}s {list(channels.names)}")
         title, per = ("rate of input", "/s") if kind == "input rate" else (name, "")
         found += [
             Bound(
@@ -155,7 +155,7 @@ def bounds_of(limits: Limits, plant: SwitchedSystem) -> tuple[Bound, ...]:
 
 
 def _state_bound(limit: StateLimit, plant: SwitchedSystem) -> Bound:
-    row = np.append(state_row(limit.name, limit.row, plant), np.zeros(2 * plant.n_channels))
+    row = np.append(state_row(limit.name, limit.row, plant), np.zeros(plant.n_inputs + plant.n_outputs))
     low, high = _sides(limit.name, limit.limit, 1, "combination of states")
     units = {unit for unit, weight in zip(plant.states.units, row, strict=False) if weight != 0}
     unit = units.pop() if len(units) == 1 else ""

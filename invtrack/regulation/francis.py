@@ -52,9 +52,9 @@ def francis(system: Any, A_e: ArrayLike, C_e: ArrayLike) -> Regulator:
     q = len(A_x)
     if not (np.all(np.isfinite(A_x)) and np.all(np.isfinite(C_x))):
         raise TrajectoryError("A_e or C_e has entries that are not finite")
-    if A_x.shape != (q, q) or C_x.shape != (plant.n_channels, q) or not q:
+    if A_x.shape != (q, q) or C_x.shape != (plant.n_outputs, q) or not q:
         raise TrajectoryError(
-            f"expected A_e (q, q) and C_e ({plant.n_channels}, q) for the outputs {list(plant.outputs.names)}, got {A_x.shape} and "
+            f"expected A_e (q, q) and C_e ({plant.n_outputs}, q) for the outputs {list(plant.outputs.names)}, got {A_x.shape} and "
             f"{C_x.shape}"
         )
     scale = balancing_scale(A_x, within_parts=True)  # x_e in units of its own: exact, and undone in the end

@@ -62,7 +62,7 @@ def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem
         if key not in found:
             found[key] = len(maps)
             rows = _rows(assumed.systems[k], comparable.A[e], comparable.C[e])
-            n_u = assumed.n_states + assumed.n_channels
+            n_u = assumed.n_states + assumed.n_inputs
             maps.append(_static((rows[:n_u] * weights).reshape(-1, 1), np.zeros((1, 1))))
             plans.append(_static(rows, comparable.A[e]))
         kind[j] = found[key]
@@ -101,8 +101,8 @@ def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem
 
 def _rows(system: StateSpace, A_e: Array, C_e: Array) -> Array:
     """[Pi; Gamma; C_e] (n + 2 p, q) of one plant and one exosystem: what takes x_e to [x; u; y]."""
-    n, p = system.n_states, system.n_channels
-    rows = np.zeros((n + p, len(A_e)))  # no output, no motion: also where the plant could not hold a constant one
+    n, m = system.n_states, system.n_inputs
+    rows = np.zeros((n + m, len(A_e)))  # no output, no motion: also where the plant could not hold a constant one
     if np.any(C_e):
         regulator = francis(system, A_e, C_e)
         rows = np.vstack([regulator.Pi, regulator.Gamma])

@@ -152,11 +152,11 @@ def map_breakpoints(plant: SwitchedSystem, exosystem: Exosystem) -> Array:
 
 
 def _map_piece(system: StateSpace, split: SplitDynamics, A_e: Array, C_e: Array, endless: bool, weights: Array) -> MapPiece:
-    n, p = system.n_states, system.n_channels
+    n, m = system.n_states, system.n_inputs
     if endless and np.any(C_e):
         _require_no_resonance(system, A_e, C_e)
     plan = InverseSystem.of(system, split).driven(Generator(A_e, C_e))
-    from_s, from_u, from_w = (X[: n + p] for X in (plan.system.forward.X, plan.system.backward.X, plan.X_w))
+    from_s, from_u, from_w = (X[: n + m] for X in (plan.system.forward.X, plan.system.backward.X, plan.X_w))
     steady_s, steady_u = plan.steady() if endless else (np.zeros_like(plan.D_f), np.zeros_like(plan.D_b))
     return MapPiece(
         split=split,

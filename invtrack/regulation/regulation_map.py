@@ -121,8 +121,8 @@ class RegulationMap:
 
     def u_map(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """F (m, p, q) at times t (m,) [s]; see x_map."""
-        n, p = self.model.n_states, self.model.n_channels
-        return self._rows(t, inside, n, n + p)
+        n = self.model.n_states
+        return self._rows(t, inside, n, n + self.model.n_inputs)
 
     def _rows(self, t: ArrayLike, inside: ArrayLike | None, first: int, last: int) -> Array:
         q = self.exosystem.n_states

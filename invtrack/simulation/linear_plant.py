@@ -22,7 +22,8 @@ class LinearPlant:
     """A StateSpace or SwitchedSystem that can be simulated like a MuJoCo plant.
 
     model: what the plant really is, with its own switch times, which may differ from those of the plan; its channels are the
-    plant's. input_limits (p, 2): what the actuators pass on, such as `plant.input_limits`; unlimited unless stated.
+    plant's. input_limits (m, 2): what the actuators pass on; those that the model states unless others
+    are given.
 
     Raises SimulationError for limits that do not fit.
     """
@@ -30,11 +31,11 @@ class LinearPlant:
     def __init__(self, model: Any, *, input_limits: ArrayLike | None = None, name: str = "linear model") -> None:
         self.model = as_switched(model)
         self.name = require_text("name", name, error=SimulationError)
-        p = self.model.n_channels
-        given = [[-np.inf, np.inf]] * p if input_limits is None else input_limits
+        m = self.model.n_inputs
+        given = self.model.input_limits if input_limits is None else input_limits
         limits = real_numbers("input_limits", given, error=SimulationError)
-        if limits.shape != (p, 2) or not np.all(limits[:, 0] <= limits[:, 1]):
-            raise SimulationError(f"input_limits must be ({p}, 2), lowest before highest, got {limits.tolist()}")
+        if limits.shape != (m, 2) or not np.all(limits[:, 0] <= limits[:, 1]):
+            raise SimulationError(f"input_limits must be ({m}, 2), lowest before highest, got {limits.tolist()}")
         self.input_limits: Array = limits
 
 
@@ -63,17 +64,18 @@ class LinearStepper:
     def __init__(self, plant: LinearPlant, x: Array) -> None:
         self._plant = plant
         self._system = plant.model.systems[0]
-        n, p, m = self._system.n_states, self._system.n_channels, len(self._system.measurement.channels)
+        n, m, p = self._system.n_states, self._system.n_inputs, self._system.n_outputs
+        measured = len(self._system.measurement.channels)
         self._x = np.array(x)
         self.state: tuple[Array, ...] = (self._x,)
-        self.control: Array = np.zeros(p)
-        self.sensors: Array = np.zeros(p + m)
-        self.output_columns, self.measurement_columns = np.arange(p), np.arange(p, p + m)
+        self.control: Array = np.zeros(m)
+        self.sensors: Array = np.zeros(p + measured)
+        self.output_columns, self.measurement_columns = np.arange(p), np.arange(p, p + measured)
         self.advance: Callable[[], None] = self._advance
         self._low, self._high = plant.input_limits.T
         self._known: dict[tuple[int, float], tuple[Array, Array]] = {}
-        self._transition, self._timestep = np.zeros((n, n + p)), 0.0
-        self._sensor_rows = np.zeros((p + m, n + p))
+        self._transition, self._timestep = np.zeros((n, n + m)), 0.0
+        self._sensor_rows = np.zeros((p + measured, n + m))
         self._sensors_at_rest = np.zeros(p + m)
 
     def enter(self, timestep: float, time: float, parameters: Mapping[str, float]) -> None:

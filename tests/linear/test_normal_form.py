@@ -41,7 +41,7 @@ def test_tracking_law_makes_the_highest_derivative_the_new_input() -> None:
     """With u = F x + G v the outputs obey y^(r) = v whatever the state."""
     rng = np.random.default_rng(5)
     system = plant_with(rng, (1, 3), block(1.0, -2.0))
-    F, G = normal_form(system).tracking_law()
+    F, G, _ = normal_form(system).tracking_law()
     for i, r in enumerate((1, 3)):
         last = system.C[i] @ np.linalg.matrix_power(system.A, r - 1)
         assert last @ (system.A + system.B @ F) == pytest.approx(np.zeros(6), abs=1e-9)

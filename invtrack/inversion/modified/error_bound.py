@@ -59,7 +59,7 @@ def error_bound(model: Any, reference: PiecewiseSignal, *, start: float, output_
     start = finite_number("start", start, unit="s", error=InversionError)
     if start > begins:
         raise InversionError(f"start must be a time no later than the manoeuvre's, {begins:g} s, got {start}")
-    scale = positive_sizes(output_scale, plant.n_channels)
+    scale = positive_sizes(output_scale, plant.n_outputs)
     if len(plant) > 1:
         return None
     return _least_error(plant.systems[0], deviation_reference(plant, reference), start, scale)
@@ -127,7 +127,7 @@ def _decaying_cosine(zero: complex, phases: Array) -> Array:
 
 def _directions(system: StateSpace, zero: complex) -> list[ComplexArray]:
     """Output directions phi (p,) of a zero; of several independent ones, those that as few outputs as possible take part in."""
-    n, p = system.n_states, system.n_channels
+    n, p = system.n_states, system.n_outputs
     matrix = np.block([[system.A - zero * np.eye(n), system.B], [system.C, system.D]])
     rows, columns = np.ones(n + p), np.ones(n + p)
     for _ in range(EQUILIBRATIONS):  # units of states, inputs, outputs and time do not matter

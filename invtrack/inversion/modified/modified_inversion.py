@@ -225,9 +225,9 @@ def _costly(plan: ModifiedTrajectory, motion: Array) -> tuple[str, ...]:
     times = plan.max_error / motion
     if not np.max(times) > COSTLY:
         return ()
-    worst, n, p = int(np.argmax(times)), plan.model.n_states, plan.model.n_channels
+    worst, n = int(np.argmax(times)), plan.model.n_states
     inputs = np.max(np.abs(np.array(plan.input_range) - plan.model.operating_point.u0), axis=0)
-    call = redesign_call(motion, inputs, held=plan.trajectory.after.held[n : n + p], error=1.0)
+    call = redesign_call(motion, inputs, held=plan.trajectory.after.held[n : n + plan.model.n_inputs], error=1.0)
     return (
         f"output {plan.model.outputs.names[worst]!r} strays from its reference by {times[worst]:.3g} times the wanted motion: too "
         f"much for a plan to follow; {call} weighs the error against the input instead of placing poles; "

@@ -23,15 +23,15 @@ SAME_LENGTH_DIGITS = 10
 class Step:
     """A step of a plant and of the reference behind it, as a map of its own ends.
 
-    With z = [x; u_s; u_e] (n + 2 p,), the state and input at its start and the input at its end, x at its end is transition z, and
+    With z = [x; u_s; u_e] (n + 2 m,), the state and input at its start and the input at its end, x at its end is transition z, and
     the step costs z'cost z + 2 z'drive w + w'miss w for the reference's state w (q,) at its start.
 
     Args:
         system: the plant over the step.
         length: duration of the step [s].
-        transition: (n, n + 2 p).
-        cost: (n + 2 p, n + 2 p).
-        drive: (n + 2 p, q).
+        transition: (n, n + 2 m).
+        cost: (n + 2 m, n + 2 m).
+        drive: (n + 2 m, q).
         miss: (q, q), what it costs not to move.
     """
 
@@ -43,12 +43,12 @@ class Step:
     miss: Array
 
     def values(self, row: Array, share: float) -> Array:
-        """Row (n + 2 p,) of [x; u_s; u_e] that gives row [x; u; y] at this share of the step."""
-        n, p = self.system.n_states, self.system.n_channels
-        c_x = row[:n] + row[n + p :] @ self.system.C
-        c_u = row[n : n + p] + row[n + p :] @ self.system.D
+        """Row (n + 2 m,) of [x; u_s; u_e] that gives row [x; u; y] at this share of the step."""
+        n, m = self.system.n_states, self.system.n_inputs
+        c_x = row[:n] + row[n + m :] @ self.system.C
+        c_u = row[n : n + m] + row[n + m :] @ self.system.D
         flow = scipy.linalg.expm(ramp(self.system, self.length) * share)
-        at = flow[: n + p] @ _from_ends(n, p)
+        at = flow[: n + m] @ _from_ends(n, m)
         return np.asarray(c_x @ at[:n] + c_u @ at[n:])
 
 
@@ -153,31 +153,31 @@ def make_grid(plant: SwitchedSystem, reference: PiecewiseSignal, weights: Weight
 
 def make_step(system: StateSpace, generator: Generator, weights: Weights, length: float) -> Step:
     """The step of one plant, driven by one generator of the reference, over `length` [s]."""
-    n, p, q = system.n_states, system.n_channels, len(generator.S)
+    n, m, q = system.n_states, system.n_inputs, len(generator.S)
     M = scipy.linalg.block_diag(ramp(system, length), generator.S * length)
-    seen = np.zeros((n + 2 * p, n + 2 * p + q))
-    seen[:n, :n], seen[n : n + p, n : n + p] = np.eye(n), np.eye(p)
-    seen[n + p :, :n], seen[n + p :, n : n + p], seen[n + p :, n + 2 * p :] = system.C, system.D, -generator.R
+    seen = np.zeros((n + m + system.n_outputs, n + 2 * m + q))
+    seen[:n, :n], seen[n : n + m, n : n + m] = np.eye(n), np.eye(m)
+    seen[n + m :, :n], seen[n + m :, n : n + m], seen[n + m :, n + 2 * m :] = system.C, system.D, -generator.R
     weight = scipy.linalg.block_diag(weights.Q_x, weights.R, weights.Q_y)
     flow, gramian = transition_and_gramian(M, seen.T @ weight @ seen, 1.0)
-    ends = scipy.linalg.block_diag(_from_ends(n, p), np.eye(q))
+    ends = scipy.linalg.block_diag(_from_ends(n, m), np.eye(q))
     cost = length * ends.T @ gramian @ ends
-    m = n + 2 * p
-    return Step(system, length, flow[:n, :m] @ ends[:m, :m], cost[:m, :m], cost[:m, m:], cost[m:, m:])
+    k = n + 2 * m
+    return Step(system, length, flow[:n, :k] @ ends[:k, :k], cost[:k, :k], cost[:k, k:], cost[k:, k:])
 
 
 def ramp(system: StateSpace, unit: float) -> Array:
-    """Generator of [x; u; change of u per unit of time] (n + 2 p, n + 2 p) where u changes evenly; `unit`: the unit of time [s]."""
-    n, p = system.n_states, system.n_channels
-    M = np.zeros((n + 2 * p, n + 2 * p))
-    M[:n, :n], M[:n, n : n + p], M[n : n + p, n + p :] = unit * system.A, unit * system.B, np.eye(p)
+    """Generator of [x; u; change of u per unit of time] (n + 2 m, n + 2 m) where u changes evenly; `unit`: the unit of time [s]."""
+    n, m = system.n_states, system.n_inputs
+    M = np.zeros((n + 2 * m, n + 2 * m))
+    M[:n, :n], M[:n, n : n + m], M[n : n + m, n + m :] = unit * system.A, unit * system.B, np.eye(m)
     return M
 
 
-def _from_ends(n: int, p: int) -> Array:
+def _from_ends(n: int, m: int) -> Array:
     """[x; u; change of u] from [x; u_s; u_e]."""
-    result = np.eye(n + 2 * p)
-    result[n + p :, n : n + p] = -np.eye(p)
+    result = np.eye(n + 2 * m)
+    result[n + m :, n : n + m] = -np.eye(m)
     return result
 
 

@@ -59,7 +59,7 @@ class Transcription:
         weights: of the cost.
         bounds: the limits.
         state_unit: units of the states (n,).
-        input_unit: units of the inputs (p,).
+        input_unit: units of the inputs (m,).
     """
 
     grid: Grid
@@ -75,7 +75,7 @@ class Transcription:
         return len(self.state_unit)
 
     @property
-    def p(self) -> int:
+    def m(self) -> int:
         """Number of inputs."""
         return len(self.input_unit)
 
@@ -84,21 +84,21 @@ class Transcription:
         return np.asarray(2 * self.n + np.asarray(at)[:, None] * self.n + np.arange(self.n))
 
     def u_columns(self, node: Indices) -> Indices:
-        """Columns (k, p) of the input at these nodes."""
+        """Columns (k, m) of the input at these nodes."""
         first = 2 * self.n + len(self.grid.times) * self.n
-        return np.asarray(first + np.asarray(node)[:, None] * self.p + np.arange(self.p))
+        return np.asarray(first + np.asarray(node)[:, None] * self.m + np.arange(self.m))
 
     def step_columns(self, step: Indices) -> Indices:
-        """Columns (k, n + 2 p) of [x; u_s; u_e] of these steps."""
+        """Columns (k, n + 2 m) of [x; u_s; u_e] of these steps."""
         return np.hstack([self.x_columns(step), self.u_columns(self.grid.first[step]), self.u_columns(self.grid.last[step])])
 
     @property
     def unit(self) -> Array:
-        """The unit of each unknown (m,)."""
+        """The unit of each unknown (k,)."""
         outer = np.concatenate([self.state_unit, self.input_unit])
         v = []
         for tail in self.tails:
-            reach = np.max(np.abs(tail.X[: self.n + self.p]) / outer[:, None], axis=0)
+            reach = np.max(np.abs(tail.X[: self.n + self.m]) / outer[:, None], axis=0)
             v.append(1 / np.where(reach > 0, reach, 1.0))
         return np.concatenate([*v, np.tile(self.state_unit, len(self.grid.times)), np.tile(self.input_unit, self.grid.nodes)])
 
@@ -160,10 +160,10 @@ class Transcription:
 
     def trajectory(self, z: Array) -> Trajectory:
         """The plan on all of time."""
-        n, p, grid = self.n, self.p, self.grid
+        n, m, grid = self.n, self.m, self.grid
         z = z * self.unit
         x = z[self.x_columns(np.arange(len(grid.times)))]
-        u = z[2 * n + x.size :].reshape(-1, p)
+        u = z[2 * n + x.size :].reshape(-1, m)
         first, last = u[grid.first], u[grid.last]
         states = np.hstack([x[:-1], first, (last - first) / np.diff(grid.times)[:, None]])
 
@@ -176,23 +176,23 @@ class Transcription:
 
     def _cost(self) -> tuple[csr_array, Array]:
         """P and q of z'P z / 2 + q'z, in plain units."""
-        m, n = len(self.unit), self.n
+        total, n = len(self.unit), self.n
         own = [np.arange(n)[None] + k * n for k in range(2)]
         entries = [
             entries_of(2 * tail_cost(tail, self.weights), columns, columns) for tail, columns in zip(self.tails, own, strict=True)
         ]
-        q = np.zeros(m)
+        q = np.zeros(total)
         for number, step in enumerate(self.grid.steps):
             chosen = np.flatnonzero(self.grid.kind == number)
             columns = self.step_columns(chosen)
             entries.append(entries_of(2 * step.cost, columns, columns))
             w = self.grid.anchors[chosen, : step.drive.shape[1]]
             np.add.at(q, columns, 2 * w @ step.drive.T)
-        return sparse_sum(entries, (m, m)), q
+        return sparse_sum(entries, (total, total)), q
 
     def _equations(self) -> tuple[csr_array, Array]:
         """The plant's equations, and x and u continuous at the window's ends and, where the rate is limited, at jumps."""
-        m, n, p, grid = len(self.unit), self.n, self.p, self.grid
+        n, m, grid = self.n, self.m, self.grid
         steps = len(grid.kind)
         rows = np.arange(steps * n).reshape(steps, n)
         entries = [entries_of(np.diag(1 / self.state_unit), rows, self.x_columns(np.arange(1, steps + 1)))]
@@ -202,38 +202,37 @@ class Transcription:
         right = [np.zeros(steps * n)]
         outer = np.concatenate([self.state_unit, self.input_unit])
         for k, (tail, at, node) in enumerate(zip(self.tails, (0, steps), (0, grid.nodes - 1), strict=True)):
-            edge = (steps * n + k * (n + p) + np.arange(n + p))[None]
+            edge = (steps * n + k * (n + m) + np.arange(n + m))[None]
             window = np.hstack([self.x_columns(np.array([at])), self.u_columns(np.array([node]))])
             entries.append(entries_of(np.diag(1 / outer), edge, window))
-            entries.append(entries_of(-tail.X[: n + p] / outer[:, None], edge, np.arange(n)[None] + k * n))
-            right.append(tail.held[: n + p] / outer)
+            entries.append(entries_of(-tail.X[: n + m] / outer[:, None], edge, np.arange(n)[None] + k * n))
+            right.append(tail.held[: n + m] / outer)
         limited = [int(np.argmax(bound.row)) - n for bound in self.bounds if bound.kind == "input rate"]
         count = len(limited) * len(grid.jumps)
         both = [self.u_columns(nodes)[:, limited] for nodes in (grid.first[grid.jumps], grid.last[grid.jumps - 1])]
-        at_jumps = (steps * n + 2 * (n + p) + np.arange(count)).reshape(len(grid.jumps), len(limited))
+        at_jumps = (steps * n + 2 * (n + m) + np.arange(count)).reshape(len(grid.jumps), len(limited))
         size = np.diag(1 / self.input_unit[limited]) if limited else np.zeros((0, 0))
         entries += [entries_of(size, at_jumps, both[0]), entries_of(-size, at_jumps, both[1])]
         right.append(np.zeros(count))
         e = np.concatenate(right)
-        return sparse_sum(entries, (len(e), m)), e
+        return sparse_sum(entries, (len(e), len(self.unit))), e
 
     def _rows(self, values: Array, columns: Indices) -> csr_array:
         row = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
         return sparse_sum([(values.ravel(), row.ravel(), columns.ravel())], (len(columns), len(self.unit)))
 
     def _path_values(self, bound: Bound, step: Indices, share: Array) -> Array:
-        """The bound's row in terms of [x; u_s; u_e] at these shares of these steps: (k, n + 2 p)."""
+        """The bound's row in terms of [x; u_s; u_e] at these shares of these steps: (k, n + 2 m)."""
         keys, inverse = np.unique(np.column_stack([self.grid.kind[step], share]), axis=0, return_inverse=True)
         known = [self.grid.steps[int(kind)].values(bound.row, float(at)) for kind, at in keys]
-        return np.array(known).reshape(-1, self.n + 2 * self.p)[inverse.ravel()]
+        return np.array(known).reshape(-1, self.n + 2 * self.m)[inverse.ravel()]
 
 
 def _ramp(system: StateSpace) -> DrivenSystem:
     """[x; u; y] of a plant whose input changes at a constant rate: states [x; u; u'], no reference."""
-    n, p = system.n_states, system.n_channels
-    X = np.eye(n + 2 * p)
-    X[n + p :] = np.hstack([system.C, system.D, np.zeros((p, p))])
-    rows, none = n + 2 * p, np.zeros((0, 0))
+    n, m = system.n_states, system.n_inputs
+    X = np.vstack([np.eye(n + m, n + 2 * m), np.hstack([system.C, system.D, np.zeros((system.n_outputs, m))])])
+    rows, none = n + 2 * m, np.zeros((0, 0))
     forward = Part(ramp(system, 1.0), X, np.zeros((0, rows)))
-    two_sided = TwoSidedSystem(forward, Part.empty(rows, 0), np.zeros((rows, 0)))
-    return DrivenSystem(two_sided, S=none, D_f=np.zeros((rows, 0)), D_b=none, X_w=np.zeros((rows, 0)), J_w=none)
+    two_sided = TwoSidedSystem(forward, Part.empty(len(X), 0), np.zeros((rows, 0)))
+    return DrivenSystem(two_sided, S=none, D_f=np.zeros((rows, 0)), D_b=none, X_w=np.zeros((len(X), 0)), J_w=none)

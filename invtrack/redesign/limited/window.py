@@ -165,7 +165,7 @@ def _solve_with(problem: LimitedProblem, step: float) -> LimitedSolution:
 
 def _first_window(problem: LimitedProblem, step: float | None) -> tuple[tuple[Array, Array], tuple[float, float], float]:
     """Units of states and inputs, time [s] before and after the manoeuvre, and the longest step [s]."""
-    n, p = problem.plant.n_states, problem.plant.n_channels
+    n, m = problem.plant.n_states, problem.plant.n_inputs
     start, end = problem.reference.manoeuvre
     free = problem.free.trajectory
     edges = free.breakpoints
@@ -175,9 +175,9 @@ def _first_window(problem: LimitedProblem, step: float | None) -> tuple[tuple[Ar
     before, after = (tail.decay_time(peak, TAIL_SHARE) for tail in problem.tails)
     times = np.concatenate([np.linspace(start - before, start, SAMPLES), inner, np.linspace(end, end + after, SAMPLES)])
     piece = free.locate(times)
-    values, curvature = free(times, piece), free.derivative().derivative()(times, piece, slice(n, n + p))
+    values, curvature = free(times, piece), free.derivative().derivative()(times, piece, slice(n, n + m))
     peak = np.maximum(peak, np.max(np.abs(values), axis=0))
-    units = (_units(peak[:n]), _units(peak[n : n + p]))
+    units = (_units(peak[:n]), _units(peak[n : n + m]))
     if step is None:
         bend = np.max(np.max(np.abs(curvature), axis=0) / units[1])
         window = times[-1] - times[0]

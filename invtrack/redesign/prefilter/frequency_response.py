@@ -65,11 +65,11 @@ class OptimalResponse:
     K: Array
 
     def factors(self, w: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """M (m, p, p), N_x (m, n, p), N_y (m, p, p) at frequencies w (m,)."""
+        """M (k, m, m), N_x (k, n, m), N_y (k, p, m) at frequencies w (k,)."""
         model, n = self.model, self.model.n_states
         pencil = 1j * w[:, None, None] * np.eye(n) - (model.A - model.B @ self.K)
         N_x = np.asarray(np.linalg.solve(pencil, np.broadcast_to(model.B, (len(w), *model.B.shape))), dtype=complex)
-        M = np.asarray(np.eye(model.n_channels) - self.K @ N_x, dtype=complex)
+        M = np.asarray(np.eye(model.n_inputs) - self.K @ N_x, dtype=complex)
         return M, N_x, np.asarray(model.C @ N_x + model.D @ M)
 
     def __call__(self, w: Array) -> FrequencyResponse:
@@ -77,9 +77,9 @@ class OptimalResponse:
 
         Raises RedesignError where the weights leave a direction of the input free, so that the optimum is not unique.
         """
-        p, n = self.model.n_channels, self.model.n_states
+        n, m, p = self.model.n_states, self.model.n_inputs, self.model.n_outputs
         if self.Q_y.is_zero:
-            return FrequencyResponse(w, *(np.zeros((len(w), rows, p), dtype=complex) for rows in (p, n, p)))
+            return FrequencyResponse(w, *(np.zeros((len(w), rows, p), dtype=complex) for rows in (m, n, p)))
         M, N_x, N_y = self.factors(w)
         F_y = self.Q_y.factor(w)
         Q, T = np.linalg.qr(np.concatenate([self.R.factor(w) @ M, self.Q_x.factor(w) @ N_x, F_y @ N_y], axis=1))
@@ -89,7 +89,7 @@ class OptimalResponse:
                 f"the weights leave an input free at w = {w[int(np.argmin(pivots))]:.6g} rad/s: nothing that it moves costs "
                 "anything, so the optimum is not unique; make R positive definite"
             )
-        v = np.linalg.solve(T, np.swapaxes(Q[:, p + n :].conj(), 1, 2) @ F_y)
+        v = np.linalg.solve(T, np.swapaxes(Q[:, m + n :].conj(), 1, 2) @ F_y)
         return FrequencyResponse(w, M @ v, N_x @ v, N_y @ v)
 
     def poles(self, w: float) -> ComplexArray:
@@ -99,7 +99,7 @@ class OptimalResponse:
         for R > 0, D = 0 those of [[A, -B R^-1 B'], [-(Q_x + C'Q_y C), -A']].
         """
         A, B, C, D = self.model.A, self.model.B, self.model.C, self.model.D
-        n, p = self.model.n_states, self.model.n_channels
+        n, m = self.model.n_states, self.model.n_inputs
         weights = Weights(*(weight.at(w).real for weight in (self.R, self.Q_x, self.Q_y)))
         weights = weights.in_unit() if weights.size > 0 else weights  # a common factor changes nothing
         R, Q_x, Q_y = weights.R, weights.Q_x, weights.Q_y
@@ -107,7 +107,7 @@ class OptimalResponse:
         H = np.block(
             [[A, np.zeros((n, n)), B], [-(Q_x + C.T @ Q_y @ C), -A.T, -S], [S.T, B.T, R + D.T @ Q_y @ D]],
         )
-        E = scipy.linalg.block_diag(np.eye(2 * n), np.zeros((p, p)))
+        E = scipy.linalg.block_diag(np.eye(2 * n), np.zeros((m, m)))
         alpha, beta = scipy.linalg.eigvals(H, E, homogeneous_eigvals=True)
         size = np.linalg.norm(H, 1)
         finite = np.abs(beta) * size * 1e6 > np.abs(alpha)
@@ -116,21 +116,21 @@ class OptimalResponse:
 
 
 def factoring_gain(model: StateSpace, given: ArrayLike | None = None) -> Array:
-    """A gain K (p, n) with A - B K stable: the one given, checked, or one from a Riccati equation with unit weights.
+    """A gain K (m, n) with A - B K stable: the one given, checked, or one from a Riccati equation with unit weights.
 
     Raises RedesignError where there is none, or the given one does not stabilize.
     """
-    n, p = model.n_states, model.n_channels
+    n, m = model.n_states, model.n_inputs
     if given is None:
         try:
-            K = model.B.T @ scipy.linalg.solve_continuous_are(model.A, model.B, np.eye(n), np.eye(p))
+            K = model.B.T @ scipy.linalg.solve_continuous_are(model.A, model.B, np.eye(n), np.eye(m))
         except (np.linalg.LinAlgError, ValueError) as error:
             raise RedesignError(
                 f"the plant cannot be stabilized: {error}; a mode on or right of the imaginary axis is out of reach of the inputs "
                 f"{list(model.inputs.names)}, remove it from the model or choose other inputs"
             ) from error
     else:
-        K = real_matrix("stabilizing_gain (K of u = -K x)", given, shape=(p, n), error=RedesignError)
+        K = real_matrix("stabilizing_gain (K of u = -K x)", given, shape=(m, n), error=RedesignError)
     poles = np.linalg.eigvals(model.A - model.B @ K)
     if np.any(poles.real >= 0):
         raise RedesignError(f"the gain does not stabilize the plant: A - B K has poles {np.round(poles, 6).tolist()}")

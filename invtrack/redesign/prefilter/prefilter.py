@@ -160,8 +160,8 @@ class Prefilter:
             tolerance,
             self._groups(),
         )
-        p, n = self.response.model.n_channels, self.response.model.n_states
-        g_u, g_x, g_f = np.split(found.values.reshape(len(found.times), p + n + p, p), [p, p + n], axis=1)
+        n, m, p = self.response.model.n_states, self.response.model.n_inputs, self.response.model.n_outputs
+        g_u, g_x, g_f = np.split(found.values.reshape(len(found.times), m + n + p, p), [m, m + n], axis=1)
         return ImpulseResponse(found.times, g_u, g_x, g_f, found.truncation_error, found.remarks)
 
     def preview_time(self, level: float = 0.01) -> float:
@@ -205,7 +205,7 @@ class Prefilter:
 
         window = FourierWindow.covering(start - reach, end + reach, self.bandwidth)
         found = refine(samples, window, None if times is None else _finite("times", times), tolerance, self._groups())
-        u, x, y = np.split(found.values, [model.n_channels, model.n_channels + model.n_states], axis=1)
+        u, x, y = np.split(found.values, [model.n_inputs, model.n_inputs + model.n_states], axis=1)
         point = model.operating_point
         return PrefilteredTrajectory(
             time=found.times,
@@ -223,8 +223,8 @@ class Prefilter:
         return float((np.log(1 / tolerance) + 4.0) / self.decay_rate)
 
     def _groups(self) -> list[int]:
-        p, n = self.response.model.n_channels, self.response.model.n_states
-        return [p, n, p]
+        model = self.response.model
+        return [model.n_inputs, model.n_states, model.n_outputs]
 
     def _require_free_holding(self, held: Array) -> None:
         Q_y = self.response.Q_y.at(0.0).real
@@ -267,13 +267,13 @@ def prefilter(
             f"a prefilter needs a plant that stays the same, this one has {len(plant)} intervals; use quadratic_redesign"
         )
     (system,) = plant.systems
-    n, p = system.n_states, system.n_channels
+    n, m, p = system.n_states, system.n_inputs, system.n_outputs
     K = factoring_gain(system, stabilizing_gain)
     scale = float(np.max(np.abs(np.linalg.eigvals(system.A - system.B @ K))))
     probes = np.append(0.0, scale * PROBES)
     response = OptimalResponse(
         system,
-        frequency_weight("R", R, p, probes),
+        frequency_weight("R", R, m, probes),
         frequency_weight("Q_x", Q_x, n, probes),
         frequency_weight("Q_y", Q_y, p, probes),
         K,
