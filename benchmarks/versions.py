@@ -111,7 +111,7 @@ def _each_channel(model: Model, moves: list[tuple[float, float]]) -> Any:
         invtrack.rest_to_rest(0.0, end - start, length, smoothness=6, start_time=k * length) for k, (start, end) in enumerate(moves)
     ]
     motion = functools.reduce(operator.add, steps)  # moves start at 0
-    return invtrack.references.stack([motion] * model.n_channels)
+    return invtrack.references.stack([motion] * len(model.C))
 
 
 def chain(states: int, follow: int = 0, last: float = 1.0) -> invtrack.StateSpace:

@@ -7,19 +7,22 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, as_divisor
 from invtrack.errors import BoundednessError, CompatibilityError, TrajectoryError
+from invtrack.inversion.allocated import AllocatedDynamics, AllocatedInverse, require_same_resting_places
 from invtrack.inversion.axis_zeros import require_rest_held, require_rest_left, split_through_axis
+from invtrack.inversion.input_measure import InputMeasure, held_inputs, input_measure
 from invtrack.inversion.missing_derivative import CONSISTENCY_TOLERANCE, missing_derivative
-from invtrack.linear.internal_dynamics import SplitDynamics, split_dynamics
+from invtrack.inversion.tracking_values import tracking_values
+from invtrack.linear.internal_dynamics import InternalDynamics, SplitDynamics, split_dynamics
 from invtrack.linear.normal_form import NormalForm
 from invtrack.linear.state_space import StateSpace
-from invtrack.linear.state_units import plant_units
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
 from invtrack.plans.problem import PlanningProblem
+from invtrack.plans.quadrature import quadrature_nodes
 from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import SAME_ROW_TOLERANCE, TwoSidedProblem, TwoSidedSolution, two_sided_problem
@@ -59,7 +62,7 @@ class InverseSystem:
         for A, W in ((split.A_s, split.W_s), (split.A_u, split.W_u)):
             x = form.V @ W
             if correction is None:
-                values = _tracking_values(plant, x, x @ A, np.zeros((plant.n_outputs, len(A))))
+                values = tracking_values(plant, x, x @ A, np.zeros((plant.n_outputs, len(A))))
             else:
                 values = _values(plant, split, x, correction.feedback @ x)
             parts.append(Part(A, values, x))
@@ -74,7 +77,7 @@ class InverseSystem:
         D_f, D_b = self.split.G_s @ drive, self.split.G_u @ drive
         if self.correction is None:
             forward, backward = self.system.forward.J, self.system.backward.J
-            values = _tracking_values(self.plant, x, forward @ D_f + backward @ D_b + x @ generator.S, generator.R)
+            values = tracking_values(self.plant, x, forward @ D_f + backward @ D_b + x @ generator.S, generator.R)
         else:
             values = _values(self.plant, self.split, x, highest + self.correction.feedforward @ drive)
         return DrivenSystem(system=self.system, S=generator.S, D_f=D_f, D_b=D_b, X_w=values, J_w=x)
@@ -89,25 +92,6 @@ def split_each(plant: SwitchedSystem) -> tuple[SplitDynamics, ...]:
     return plant.map(lambda system: split_dynamics(system, endless=plant.is_endless(system)))
 
 
-def _tracking_values(plant: StateSpace, x_rows: Array, rate_rows: Array, y_rows: Array) -> Array:
-    """Rows of [x; u; y] from those of x, x' and of the wanted y: [B; D] u = [x' - A x; y - C x].
-
-    The law u = B_y^-1 (chi - A_x x) gives the same in exact arithmetic; with gains B_y far below what A and B can do, as at the end
-    of a long chain, it is the difference of huge terms. Equations are weighed by the size of their terms, in units of the states.
-    """
-    units = plant_units(plant)
-    A_size = float(np.linalg.norm(plant.A * units / units[:, None]))
-    output_size = np.linalg.norm(plant.C * units, axis=1)
-    weights = np.concatenate([1 / units / (A_size if A_size > 0 else 1.0), 1 / np.where(output_size > 0, output_size, 1.0)])[
-        :, None
-    ]
-    gains = np.vstack([plant.B, plant.D]) * weights
-    size = np.linalg.norm(gains, axis=0)
-    u_rows = np.linalg.pinv(gains / size) @ (np.vstack([rate_rows - plant.A @ x_rows, y_rows - plant.C @ x_rows]) * weights)
-    u_rows /= size[:, None]
-    return np.vstack([x_rows, u_rows, plant.C @ x_rows + plant.D @ u_rows])
-
-
 def _values(plant: StateSpace, split: SplitDynamics, x_rows: Array, y_r_rows: Array) -> Array:
     """Rows of [x; u; y] from those of x and of chi_d + v."""
     F, G, _ = split.internal.form.tracking_law()
@@ -117,31 +101,66 @@ def _values(plant: StateSpace, split: SplitDynamics, x_rows: Array, y_r_rows: Ar
 
 @dataclass(frozen=True, eq=False)
 class BoundedSolution:
-    """The trajectory, and the equations that it solves."""
+    """The trajectory, the equations that it solves, and what a user should know about it."""
 
     trajectory: Trajectory
     equations: TwoSidedSolution
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What a user should know about the solution."""
-        freedom = self.equations.boundary.freedom
-        if not freedom:
-            return ()
-        return (f"the bounded inverse is not unique ({freedom} free direction(s)); the one of least norm was taken",)
+    remarks: tuple[str, ...] = ()
 
 
 def bounded_solution(
-    problem: PlanningProblem, splits: Sequence[SplitDynamics], corrections: Sequence[Correction] | None = None
+    problem: PlanningProblem,
+    splits: Sequence[SplitDynamics],
+    corrections: Sequence[Correction] | None = None,
+    measure: InputMeasure | None = None,
 ) -> BoundedSolution:
     """Stable part forward in time, antistable part backward, the state continuous at the jumps.
 
-    splits: of each interval; corrections: what each interval's law adds to the exact one (nothing, by default). Raises
-    CompatibilityError and BoundednessError where the conditions cannot all be met.
+    Args:
+        problem: plant and reference.
+        splits: internal dynamics of each interval, split.
+        corrections: what each interval's law adds to the exact one (nothing, by default).
+        measure: how dear inputs are, where the conditions leave a choice.
+
+    Raises CompatibilityError and BoundednessError where the conditions cannot all be met.
     """
-    equations = inverse_problem(problem, splits, corrections).solve()
-    require_consistent(problem, splits, equations)
-    return BoundedSolution(equations.trajectory(), equations)
+    return _bounded(problem, inverse_problem(problem, splits, corrections), [split.internal for split in splits], measure)
+
+
+def _bounded(
+    problem: PlanningProblem, task: TwoSidedProblem, internals: Sequence[InternalDynamics], measure: InputMeasure | None = None
+) -> BoundedSolution:
+    equations = task.solve()
+    require_consistent(problem, internals, equations)
+    freedom = equations.boundary.freedom
+    if not freedom:
+        return BoundedSolution(equations.trajectory(), equations)
+    measure = measure or input_measure(problem.plant, None)
+    least = least_input(problem, equations, measure)
+    remark = (
+        f"the bounded inverse is not unique ({freedom} free direction(s)); the one of least input, {measure.wording}, was taken"
+    )
+    return BoundedSolution(least.trajectory(), least, (remark,))
+
+
+def least_input(problem: PlanningProblem, equations: TwoSidedSolution, measure: InputMeasure) -> TwoSidedSolution:
+    """Of the solutions that the equations leave open, the one with the least integral of (u - u_rest)'R (u - u_rest).
+
+    u_rest is the least input that would hold the wanted output where it is.
+    """
+    plant, reference, freedom = problem.plant, problem.deviation, equations.boundary.freedom
+    found = equations.trajectory()
+    times, piece, shares = quadrature_nodes(found)
+    inputs = slice(plant.n_states, plant.n_states + plant.n_inputs)
+    held = np.array(plant.map(lambda system: held_inputs(system, measure.R)))[problem.owner[piece]]
+    wanted = np.einsum("kij,kj->ki", held, reference(times, inside=reference.inner_times()[piece]))
+    root = np.sqrt(shares)[:, None]
+    u = found(times, piece)[:, inputs]
+    others = [equations.along(weights).trajectory()(times, piece)[:, inputs] - u for weights in np.eye(freedom)]
+    columns = np.array([(root * measure.size(other)).ravel() for other in others]).T
+    size = as_divisor(np.linalg.norm(columns, axis=0))
+    weights = np.linalg.lstsq(columns / size, -(root * measure.size(u - wanted)).ravel(), rcond=None)[0] / size
+    return equations.along(weights)
 
 
 def inverse_problem(
@@ -153,16 +172,25 @@ def inverse_problem(
         if id(split) not in inverses:
             inverses[id(split)] = InverseSystem.of(problem.plant.systems[k], split, None if corrections is None else corrections[k])
     models = [inverses[id(split)] for split in splits]
-    peaks = [_prescribed_peak(problem.deviation, model) for model in models[1:]]
+    peaks = [
+        _prescribed_peak(problem.deviation, split.internal, model.system)
+        for split, model in zip(splits[1:], models[1:], strict=True)
+    ]
     return two_sided_problem(problem, models, peaks=peaks)
 
 
-def _prescribed_peak(reference: PiecewiseSignal, model: InverseSystem) -> Array:
+def allocated_problem(problem: PlanningProblem, inverses: Sequence[AllocatedInverse]) -> TwoSidedProblem:
+    """The same for more inputs than outputs, with the inputs of least cost."""
+    peaks = [_prescribed_peak(problem.deviation, model.internal, model.system) for model in inverses[1:]]
+    return two_sided_problem(problem, inverses, peaks=peaks)
+
+
+def _prescribed_peak(reference: PiecewiseSignal, internal: InternalDynamics, system: TwoSidedSystem) -> Array:
     """Largest size over the whole reference of each output and derivative that the inverse prescribes (rho,)."""
-    return model.split.internal.form.zeta.size(reference.size)[: model.system.prescribed]
+    return internal.form.zeta.size(reference.size)[: system.prescribed]
 
 
-def require_smooth(plant: SwitchedSystem, splits: Sequence[SplitDynamics], reference: PiecewiseSignal) -> None:
+def require_smooth(plant: SwitchedSystem, internals: Sequence[InternalDynamics], reference: PiecewiseSignal) -> None:
     """What the outputs prescribe of the state must be continuous within an interval; at a jump the conditions there decide.
 
     With a vector relative degree r this is y_d ... y_d^(r-1). Raises TrajectoryError.
@@ -181,9 +209,9 @@ def require_smooth(plant: SwitchedSystem, splits: Sequence[SplitDynamics], refer
     shape = (len(plant), len(plant))
     pairs, which = np.unique(np.ravel_multi_index((before, after), shape), return_inverse=True)
     for number, (i, j) in enumerate(zip(*np.unravel_index(pairs, shape), strict=True)):
-        form = splits[i].internal.form
+        form = internals[i].form
         size = form.zeta.size(reference.size)
-        shared = np.ones(len(size), dtype=bool) if i == j else _shared_rows(form, splits[j].internal.form)
+        shared = np.ones(len(size), dtype=bool) if i == j else _shared_rows(form, internals[j].form)
         broken = np.abs(form.zeta.rows(jump)) > JUMP_TOLERANCE * np.where(size > 0, size, 1.0)[:, None]
         broken &= shared[:, None] & (which == number)
         if np.any(broken):
@@ -229,12 +257,12 @@ def _same(a: Array, b: Array) -> bool:
     return a.shape == b.shape and bool(np.all(np.abs(a - b) <= SAME_ROW_TOLERANCE * np.maximum(np.abs(a), np.abs(b)).max()))
 
 
-def require_consistent(problem: PlanningProblem, splits: Sequence[SplitDynamics], equations: TwoSidedSolution) -> None:
+def require_consistent(problem: PlanningProblem, internals: Sequence[InternalDynamics], equations: TwoSidedSolution) -> None:
     """Raises CompatibilityError or BoundednessError where conditions are left that the solution cannot meet."""
     plant, solution = problem.plant, equations.boundary
     for k, (_, size) in enumerate(equations.open_checks):
         if size > CONSISTENCY_TOLERANCE:
-            raise CompatibilityError(missing_derivative(problem, splits[k + 1], equations.trajectory(), k, size))
+            raise CompatibilityError(missing_derivative(problem, internals[k + 1].form, equations.trajectory(), k, size))
     scale = max(equations.size, np.finfo(float).tiny)
     compatibility_rows = 0
     for k, miss in enumerate(solution.inconsistency[:-1]):
@@ -266,18 +294,27 @@ def invert(
     model: Any,
     reference: PiecewiseSignal,
     *,
+    R: ArrayLike | None = None,
     tolerance: float = 1e-10,
     max_preactuation: float | None = None,
 ) -> Plan:
-    """The bounded input and state with which the output of `model` follows `reference` exactly.
+    """The bounded input and state with which the outputs of `model` follow `reference` exactly.
 
     x' = A_k x + B_k u, C_k x = y_d on all of time, x continuous through the jumps. Internal dynamics: stable part forward from
     rest, antistable part backward from rest, so the input acts before the manoeuvre (preactuation) and rings down after it. What
     belongs to zeros on the imaginary axis runs forward, from rest; a reference that leaves it at rest is served.
 
-    model: StateSpace, SwitchedSystem, or anything with A, B, C, D. reference: absolute, in the units of the outputs. tolerance:
-    what counts as rest at the two ends, as a share of each state's and input's peak; it sets how early the plan starts.
-    max_preactuation [s] limits that, at the price of a start that is not quite at rest, which `remarks` states.
+    With more inputs than outputs many inputs do it. Taken are those with the least integral of (u - u_rest)'R (u - u_rest), where
+    u_rest is the least u'R u (from the operating point's input) that would hold the wanted outputs where they are.
+
+    Args:
+        model: StateSpace, SwitchedSystem, or anything with A, B, C, D, with at least as many inputs as outputs.
+        reference: absolute, in the units of the outputs.
+        R: how dear inputs are where there is a choice (m, m), in 1 / (units squared); by default each input by its range
+            (`input_limits`), without limits all alike.
+        tolerance: what counts as rest at the two ends, as a share of each state's and input's peak; it sets how early the plan
+            starts.
+        max_preactuation: longest preactuation [s], at the price of a start that is not quite at rest, which `remarks` states.
 
     Raises TrajectoryError (reference not smooth enough, wrong number of channels), PlanError (options out of range; too
     ill-conditioned), RelativeDegreeError, NonHyperbolicError (the reference leaves motion in zeros on the imaginary axis
@@ -286,9 +323,32 @@ def invert(
     Sources: Devasia, Chen, Paden 1996; Devasia, Paden, Rossi 1996, Lemma 1.
     """
     problem = PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation)
-    splits = split_through_axis(problem.plant)
+    plant, measure = problem.plant, input_measure(problem.plant, R)
+    if plant.n_inputs > plant.n_outputs:
+        return _allocated(problem, measure)
+    splits = split_through_axis(plant)
+    internals = [split.internal for split in splits]
     require_rest_held(problem, splits)
-    require_smooth(problem.plant, splits, problem.deviation)
-    solution = bounded_solution(problem, splits)
+    require_smooth(plant, internals, problem.deviation)
+    solution = bounded_solution(problem, splits, measure=measure)
     remarks = solution.remarks + require_rest_left(problem, splits, solution.equations)
     return problem.plan("stable inversion", solution.trajectory, exact=True, remarks=remarks)
+
+
+def _allocated(problem: PlanningProblem, measure: InputMeasure) -> Plan:
+    """The plan for more inputs than outputs."""
+    plant = problem.plant
+
+    def inverse(system: StateSpace) -> AllocatedInverse:
+        return AllocatedDynamics.of(system, measure.R).inverse(endless=plant.is_endless(system))
+
+    inverses = plant.map(inverse)
+    require_same_resting_places(inverses)
+    internals = [each.internal for each in inverses]
+    require_smooth(plant, internals, problem.deviation)
+    solution = _bounded(problem, allocated_problem(problem, inverses), internals, measure)
+    remark = (
+        f"{plant.n_inputs} inputs for {plant.n_outputs} output(s): of those that follow the reference exactly the least, "
+        f"{measure.wording}, was taken"
+    )
+    return problem.plan("stable inversion", solution.trajectory, exact=True, remarks=(remark, *solution.remarks))

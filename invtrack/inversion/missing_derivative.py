@@ -8,7 +8,7 @@ import numpy as np
 
 from invtrack.arrays import Array
 from invtrack.inversion.redesign_call import redesign_call
-from invtrack.linear.internal_dynamics import SplitDynamics
+from invtrack.linear.normal_form import NormalForm
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
@@ -20,17 +20,17 @@ REDESIGN_ERROR = 1e-3
 """Where a refusal names quadratic_redesign: output error, as a share of the motion, that weighs as much as the peak input."""
 
 
-def missing_derivative(problem: PlanningProblem, split: SplitDynamics, trajectory: Trajectory, k: int, share: float) -> str:
+def missing_derivative(problem: PlanningProblem, form: NormalForm, trajectory: Trajectory, k: int, share: float) -> str:
     """The sentence for a jump at which the state before decides what a derivative of an output is after it, and decides otherwise.
 
     Args:
         problem: plant and reference.
-        split: internal dynamics of the interval after the jump.
+        form: normal form of the plant after the jump.
         trajectory: of the inverse, exact up to the jump.
         k: number of the jump.
         share: by how much of its size the condition fails that fails worst.
     """
-    plant, reference, form = problem.plant, problem.deviation, split.internal.form
+    plant, reference = problem.plant, problem.deviation
     t, n = plant.switch_times[k], plant.n_states
     at = int(np.searchsorted(reference.breakpoints, t))
     before, after = reference.inner_times()[at : at + 2]

@@ -40,7 +40,7 @@ def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float =
     splits = undivided_dynamics(problem.plant)
     for k, split in enumerate(splits):
         _require_bounded(split.internal, k)
-    require_smooth(problem.plant, splits, problem.deviation)
+    require_smooth(problem.plant, [split.internal for split in splits], problem.deviation)
     solution = bounded_solution(problem, splits)
     last, remarks = splits[-1].internal, solution.remarks
     rings = on_axis(last)
@@ -92,7 +92,7 @@ class _SteadyState:
     """A two-sided system without states: the reference's share is all there is."""
 
     def __init__(self, plant: StateSpace) -> None:
-        self._held = np.vstack([_steady_state(plant), np.eye(plant.n_channels)])
+        self._held = np.vstack([_steady_state(plant), np.eye(plant.n_outputs)])
         none = Part.empty(len(self._held), 0)
         self.system = TwoSidedSystem(none, none, np.zeros((0, 0)))
 
@@ -105,7 +105,7 @@ class _SteadyState:
 def _steady_state(system: StateSpace) -> Array:
     """[x; u] (n + p, p) that holds each output at one: A x + B u = 0, C x + D u = 1."""
     pencil = np.block([[system.A, system.B], [system.C, system.D]])
-    n, p = system.n_states, system.n_channels
+    n, p = system.n_states, system.n_outputs
     try:
         inverse = np.linalg.solve(pencil, np.eye(n + p))
         # The spectral radius of |M^-1| |M| is the condition number that the best scaling of rows and columns reaches (Bauer 1963).

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.arrays import Array, ComplexArray, as_divisor, complex_numbers, finite_number
 from invtrack.errors import ModelError, NonHyperbolicError
 from invtrack.linear.hidden_modes import COUPLING_TOLERANCE, ERROR_GROWTH, zero_kinds
+from invtrack.linear.invariant_parts import invariant_parts
 from invtrack.linear.normal_form import NormalForm, normal_form
 from invtrack.linear.propagation import Propagator
 from invtrack.linear.pseudospectrum import Pseudospectrum
@@ -62,7 +62,7 @@ class InternalDynamics:
     uncertainty: float
 
     @property
-    def A_unmoved(self) -> Array:
+    def unmoved_part(self) -> Array:
         """A_eta in what inputs that are left over do not move (h, h)."""
         return np.asarray(self.unmoved.T @ self.A_eta @ self.unmoved)
 
@@ -143,7 +143,7 @@ def internal_dynamics(system: StateSpace, R: Array | None = None) -> InternalDyn
 
 
 def _unmoved(A_eta: Array, A_error: float, B_v: Array, B_error: Array) -> Array:
-    """Orthonormal basis of what B_v does not reach through A_eta (n_z, h); errors (1, m - p) of B_v's columns, rounding included."""
+    """Orthonormal basis of what B_v does not reach through A_eta (n_z, h). B_error (m - p,): below which a column is none."""
     A_couples = max(COUPLING_TOLERANCE * float(np.linalg.norm(A_eta)), ERROR_GROWTH * A_error)
     return unreached([A_eta / as_divisor(A_couples)], B_v / as_divisor(B_error))
 
@@ -160,7 +160,7 @@ def on_axis(internal: InternalDynamics) -> NDArray[np.bool_]:
     A_eta - z I for z on the way): so a double zero, which rounding splits by sqrt(eps), is still seen. Looking only at j Im s would
     name every real zero beside one at the origin.
     """
-    zeros, movable = internal.zeros, Pseudospectrum(internal.A_unmoved)
+    zeros, movable = internal.zeros, Pseudospectrum(internal.unmoved_part)
     reached = np.ones(len(zeros), dtype=bool)
     for share in (0.0, 0.25, 0.5, 0.75):
         way = (share * zeros.real + 1j * zeros.imag)[reached].astype(complex)
@@ -188,26 +188,18 @@ def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics
 
 def split_by(internal: InternalDynamics, stable: Callable[[complex], bool]) -> SplitDynamics:
     """Internal dynamics split into the part with the zeros for which `stable` holds and the rest; the two sets must not meet."""
-    n = len(internal.A_eta)
-    schur, Q, n_s = np.zeros((0, 0)), np.eye(0), 0
-    if n:
-        schur, Q, n_s = scipy.linalg.schur(internal.A_eta, output="real", sort=lambda re, im: stable(complex(re, im)))
-    A_s, A_u = schur[:n_s, :n_s], schur[n_s:, n_s:]
-    coupling = np.zeros((n_s, n - n_s))
-    if 0 < n_s < n:
-        coupling = scipy.linalg.solve_sylvester(A_s, -A_u, -schur[:n_s, n_s:])
-    L_s, L_u = Q[:, :n_s].T - coupling @ Q[:, n_s:].T, Q[:, n_s:].T
+    parts = invariant_parts(internal.A_eta, stable)
     drive = np.hstack([internal.A_zeta, internal.B_r])
     return SplitDynamics(
         internal=internal,
-        A_s=A_s,
-        A_u=A_u,
-        G_s=L_s @ drive,
-        G_u=L_u @ drive,
-        W_s=Q[:, :n_s],
-        W_u=Q[:, :n_s] @ coupling + Q[:, n_s:],
-        L_s=L_s,
-        L_u=L_u,
+        A_s=parts.A_1,
+        A_u=parts.A_2,
+        G_s=parts.L_1 @ drive,
+        G_u=parts.L_2 @ drive,
+        W_s=parts.W_1,
+        W_u=parts.W_2,
+        L_s=parts.L_1,
+        L_u=parts.L_2,
     )
 
 

@@ -53,12 +53,13 @@ def why_not_invertible(system: StateSpace) -> str:
     redundant, needless = _null(np.vstack([B, D])), _null(np.hstack([C, D]).T)
     if m - redundant.shape[1] < p:
         told = _combination(redundant[:, 0], inputs)
-        return f"the inputs are not independent: {told} acts on nothing, rank [B; D] is {m - redundant.shape[1]} where {p} outputs need {p}{remedy}"
+        rank = f"rank [B; D] is {m - redundant.shape[1]} where {p} outputs need {p}"
+        return f"the inputs are not independent: {told} acts on nothing, {rank}{remedy}"
     if needless.shape[1]:
         told = _combination(needless[:, 0], outputs)
         return f"the outputs are not independent: {told} is always zero, rank [C, D] is {p - needless.shape[1]} of {p}{remedy}"
-    rank = max(m - _null(matrix).shape[1] for matrix in transfer)
-    if rank < p:
+    reached = max(m - _null(matrix).shape[1] for matrix in transfer)
+    if reached < p:
         left = [_null(matrix.T.conj())[:, 0] for matrix in transfer]
         told = "they obey an equation of their own"
         first = left[0] / left[0][np.argmax(np.abs(left[0]))]
@@ -67,7 +68,7 @@ def why_not_invertible(system: StateSpace) -> str:
         ):
             told = f"no input moves {_combination(first.real, outputs)}"
         return (
-            f"the outputs {list(outputs)} cannot follow independent trajectories: the transfer matrix has normal rank {rank} of "
+            f"the outputs {list(outputs)} cannot follow independent trajectories: the transfer matrix has normal rank {reached} of "
             f"{p} ({told}){remedy}"
         )
     return (

@@ -62,8 +62,8 @@ class NormalForm:
     def tracking_law(self, R: Array | None = None) -> tuple[Array, Array, Array]:
         """F (m, n), G (m, p) and Z (m, m - p) of u = F x + G chi + Z v, the law that keeps exact tracking once it holds.
 
-        v is free. With R (m, m), positive definite, F x + G chi is the least u'R u for which chi is what it is to be, and Z'R Z = I;
-        unless stated inputs count in the units in which B_y's columns are of unit size.
+        v is free. With R (m, m), positive definite, F x + G chi is the least u'R u for which chi is what it is to be, and Z'R Z is
+        the identity; unless stated inputs count in the units in which B_y's columns are of unit size.
         """
         n = self.A_x.shape[1]
         solved, Z = _inputs_for(self.B_y, np.hstack([-self.A_x, np.eye(len(self.B_y))]), R)

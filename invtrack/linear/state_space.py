@@ -166,12 +166,12 @@ class StateSpace:
     @property
     def n_inputs(self) -> int:
         """Number of inputs m."""
-        return self.D.shape[1]
+        return len(self.inputs)
 
     @property
     def n_outputs(self) -> int:
         """Number of outputs p."""
-        return self.D.shape[0]
+        return len(self.outputs)
 
     def errors(self, name: str) -> Array:
         """Estimates of the errors of the entries of one of A, B, C and D, zero where there are none."""
@@ -205,9 +205,7 @@ class StateSpace:
         if np.linalg.cond(T) > 1 / np.finfo(float).eps:
             raise ModelError("T is singular to working precision, so it is no change of coordinates")
         stacked = np.vstack([self.A, self.C, self.measurement.C])
-        A, C, C_m = np.split(
-            np.linalg.solve(T.T, stacked.T).T, [self.n_states, self.n_states + self.n_outputs]
-        )  # [A; C; C_m] T^-1
+        A, C, C_m = np.split(np.linalg.solve(T.T, stacked.T).T, [self.n_states, self.n_states + self.n_outputs])  # [A; C; C_m] T^-1
         into, back = np.abs(T), np.abs(np.linalg.inv(T))
         errors = {
             "A": into @ self.errors("A") @ back,

@@ -104,10 +104,9 @@ def output_structure(system: StateSpace) -> OutputStructure:
     """The structure of a system, which exists where its transfer matrix has full row rank: where it has a right inverse.
 
     Coefficients are held, one by one, against the terms that they are the sum of and the model's error estimates. Raises
-    RelativeDegreeError, with the reason, where the transfer matrix is singular (of lower normal rank than there are outputs) or cannot be told
-    from a singular one. Source: L. M.
-    Silverman, "Inversion of multivariable linear systems", IEEE Trans. Automatic Control 14, 1969; with a vector relative degree
-    it is the normal form of Isidori 1989 (Devasia 1996, eq. 5).
+    RelativeDegreeError, with the reason, where the transfer matrix has a lower normal rank than there are outputs, or cannot be
+    told from one that has. Source: L. M. Silverman, "Inversion of multivariable linear systems", IEEE Trans. Automatic Control 14,
+    1969; with a vector relative degree it is the normal form of Isidori 1989 (Devasia 1996, eq. 5).
     """
     p, n = system.n_outputs, system.n_states
     if p > system.n_inputs:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -25,16 +25,29 @@ class Conditions:
 
 @dataclass(frozen=True, eq=False)
 class BoundaryValueSolution:
-    """values: v_k of each interval. freedom: how many of the unknowns the conditions leave open (least norm chosen for them).
+    """Values v_k of each interval, and what the conditions leave open.
 
-    inconsistency: per junction, then at the end, how far the conditions that are left without unknowns are from holding.
-    conditioning: smallest ratio of a pivot to the largest of its block that was accepted (1 is best).
+    Args:
+        values: v_k (n_k,) of each interval, those of least norm where something is left open.
+        directions: what may be added to them (n_k, f), the same combination of columns in every interval.
+        inconsistency: per junction, then at the end, how far the conditions that are left without unknowns are from holding.
+        conditioning: smallest ratio of a pivot to the largest of its block that was accepted (1 is best).
     """
 
     values: list[Array]
-    freedom: int
+    directions: list[Array]
     inconsistency: Array
     conditioning: float
+
+    @property
+    def freedom(self) -> int:
+        """How many of the unknowns the conditions leave open, f."""
+        return int(self.directions[0].shape[1])
+
+    def along(self, weights: Array) -> BoundaryValueSolution:
+        """The solution with this combination (f,) of the open directions added."""
+        moved = [v + d @ weights for v, d in zip(self.values, self.directions, strict=True)]
+        return replace(self, values=moved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +82,8 @@ def solve(first: Conditions, junctions: Sequence[Conditions], last: Conditions) 
     left = np.vstack([rows, last.left])
     step, _, rhs, quality = _eliminate(left, np.zeros((len(left), 0)), np.concatenate([rhs, last.rhs]))
     inconsistency.append(float(np.max(np.abs(rhs), initial=0.0)))
-    values, freedom = _substitute_back([*steps, step])
-    return BoundaryValueSolution(values, freedom, np.array(inconsistency), min(conditioning, quality))
+    values, directions = _substitute_back([*steps, step])
+    return BoundaryValueSolution(values, directions, np.array(inconsistency), min(conditioning, quality))
 
 
 def _eliminate(left: Array, right: Array, rhs: Array) -> tuple[_Step, Array, Array, float]:
@@ -104,8 +117,8 @@ def _compress(rows: Array, rhs: Array) -> tuple[Array, Array, float]:
     return compressed, rhs[:rank], float(np.max(np.abs(rhs[rank:]), initial=0.0))
 
 
-def _substitute_back(steps: list[_Step]) -> tuple[list[Array], int]:
-    """Values from the last block to the first; open directions become extra columns, set by least norm over all blocks.
+def _substitute_back(steps: list[_Step]) -> tuple[list[Array], list[Array]]:
+    """Values from the last block to the first, those of least norm, and the directions that are open, orthonormal over all blocks.
 
     At each block the columns are made orthonormal over all blocks so far, and the particular solution orthogonal to them:
     directions that grow from block to block would otherwise swamp what is to be found.
@@ -125,9 +138,13 @@ def _substitute_back(steps: list[_Step]) -> tuple[list[Array], int]:
         columns = np.column_stack([value[:, 0] + value[:, 1:] @ shift, value[:, 1:] @ basis])
         blocks.append(columns)
         changes.append((shift[:known], basis[:known]))
-    weights = np.zeros(columns.shape[1] - 1)  # least norm: nothing of the orthonormal directions
-    values: list[Array] = []
+    open_count = columns.shape[1] - 1
+    weights = np.eye(open_count, open_count + 1, k=1)  # in the first column nothing of the directions, in the others one of each
+    found: list[Array] = []
     for block, (shift, basis) in zip(reversed(blocks), reversed(changes), strict=True):
-        values.append(block[:, 0] + block[:, 1:] @ weights)
-        weights = shift + basis @ weights
-    return values, columns.shape[1] - 1
+        at = block[:, 1:] @ weights
+        at[:, 0] += block[:, 0]
+        found.append(at)
+        weights = basis @ weights
+        weights[:, 0] += shift
+    return [at[:, 0] for at in found], [at[:, 1:] for at in found]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -218,7 +219,13 @@ def _system_as_json(system: StateSpace) -> dict[str, Any]:
     measurement = {name: getattr(system.measurement, name).tolist() for name in ("C", "D", "y0")}
     errors = {name: value.tolist() for name, value in system.error_estimates.items()}
     limits = [[float(limit) if math.isfinite(limit) else None for limit in pair] for pair in system.input_limits]
-    return {**matrices, "input_limits": limits, "measurement": measurement, "parameters": dict(system.parameters), "error_estimates": errors}
+    return {
+        **matrices,
+        "input_limits": limits,
+        "measurement": measurement,
+        "parameters": dict(system.parameters),
+        "error_estimates": errors,
+    }
 
 
 def _model_from(data: dict[str, Any]) -> SwitchedSystem:
@@ -238,7 +245,7 @@ def _model_from(data: dict[str, Any]) -> SwitchedSystem:
             inputs=channels["inputs"],
             outputs=channels["outputs"],
             operating_point=point,
-            input_limits=[[limit if limit is not None else end for limit, end in zip(pair, (-math.inf, math.inf), strict=True)] for pair in entry["input_limits"]],
+            input_limits=[_range(pair) for pair in entry["input_limits"]],
             measurement=Measurement(C.reshape(shape[0]), D.reshape(shape[1]), names, y_0),
             parameters=entry["parameters"],
             error_estimates=entry["error_estimates"],
@@ -246,6 +253,11 @@ def _model_from(data: dict[str, Any]) -> SwitchedSystem:
 
     distinct = [system(entry) for entry in data["systems"]]
     return SwitchedSystem([distinct[number] for number in data["numbers"]], data["switch_times"])
+
+
+def _range(pair: list[float | None]) -> list[float]:
+    low, high = pair
+    return [-math.inf if low is None else low, math.inf if high is None else high]
 
 
 def _array(value: ArrayLike) -> Array:

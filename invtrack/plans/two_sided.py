@@ -65,6 +65,9 @@ class TwoSidedSystem:
     T J_b = [0; 0; I]. Its first `prescribed` = rho rows pick what the reference alone decides (an inverse's outputs and their
     derivatives): before a jump they are the compatibility conditions on z_f, z_b.
 
+    Along the columns of `slack` (m, k) what is continuous may jump when this system gives way to another: costates that belong to
+    what it prescribes, which are whatever that takes.
+
     The last n_c states of the forward part may be neutral: decoupled from the others, neither decaying nor growing. They start from
     rest and have to end at rest. `neutral` (n_c, n_c) is the pseudoinverse of their A_c, which may be singular.
     """
@@ -74,6 +77,7 @@ class TwoSidedSystem:
     T: Array
     prescribed: int = 0
     neutral: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    slack: Array | None = None
 
     @property
     def size(self) -> int:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from invtrack.arrays import Array, Indices
+from invtrack.arrays import Array, Indices, as_divisor
 from invtrack.linear.propagation import forced_states
 from invtrack.linear.state_sizes import comparable_size, unit_ratios
 from invtrack.plans.boundary_value import BoundaryValueSolution, Conditions, solve
@@ -154,10 +154,10 @@ class TwoSidedProblem(Pieces):
         none = np.zeros((0, 0))
         conditions, checks, rows, sizes = [], [], [], [float(np.max(stretch.peaks, initial=0.0)) for stretch in stretches]
         for k, (left, right) in enumerate(itertools.pairwise(stretches)):
-            condition, check, size = _conditions(left, right, *self._joined(k), self.peaks[k], self.ratios)
+            condition, check, count, size = _conditions(left, right, *self._joined(k), self.peaks[k], self.ratios)
             conditions.append(condition)
             checks.append(check)
-            rows.append(len(condition.rhs) - right.system.size)
+            rows.append(count)
             sizes.append(size)
         sizes += [float(np.max(np.abs(z), initial=0.0)) for z in (z_first, z_last)]
         last = stretches[-1]
@@ -233,8 +233,14 @@ def two_sided_problem(
         w_start=reference.anchors,
         w_end=problem.end_anchors,
         peaks=peaks or [np.zeros(0)] * len(problem.plant.switch_times),
-        ratios=None if peaks is None else unit_ratios(problem.plant),
+        ratios=None if peaks is None else _ratios(problem, systems[0]),
     )
+
+
+def _ratios(problem: PlanningProblem, system: TwoSidedSystem) -> Array:
+    """`unit_ratios` of the states, with which what is continuous begins; costates stand for themselves."""
+    m, ratios = system.T.shape[1], unit_ratios(problem.plant)
+    return np.pad(ratios, (0, m - len(ratios)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,6 +261,10 @@ class TwoSidedSolution:
     open_checks: list[tuple[int, float]]
     compatibility_rows: list[int]
     size: float
+
+    def along(self, weights: Array) -> TwoSidedSolution:
+        """The solution with this combination (f,) of what the equations leave open added."""
+        return replace(self, boundary=self.boundary.along(weights))
 
     @property
     def first_b(self) -> Array:
@@ -319,8 +329,12 @@ def two_sided_trajectory(pieces: Pieces, z_f: Array, z_b: Array, first_b: Array,
 
 def _conditions(
     left: Stretch, right: Stretch, w_left: Array, w_right: Array, peak: Array, ratios: Array | None
-) -> tuple[Conditions, tuple[int, float], float]:
-    """Continuity at a switch in the coordinates of the stretch after it, rows scaled to unit size; w_left, w_right: J_w w."""
+) -> tuple[Conditions, tuple[int, float], int, float]:
+    """Continuity at a switch in the coordinates of the stretch after it, rows scaled to unit size; w_left, w_right: J_w w.
+
+    Besides, the compatibility row without unknowns that fails worst and by how much, the number of those with unknowns, and the
+    size of the terms.
+    """
     before, after = left.system, right.system
     T, rho, n_f = after.T, after.prescribed, after.forward.size
     (E_f, _), (_, E_b) = left.transitions, right.transitions
@@ -343,10 +357,25 @@ def _conditions(
     empty[:rho] = np.max(np.abs(rows_left[:rho]), axis=1, initial=0.0) <= SAME_ROW_TOLERANCE * row_size[:rho]
     misses = np.where(empty & (rhs_size > 0), np.abs(rhs) / np.where(rhs_size > 0, rhs_size, 1.0), 0.0)
     worst = int(np.argmax(misses)) if len(misses) else 0
-    kept = ~empty
-    scale = np.concatenate([row_size[:rho], np.ones(len(T) - rho)])[kept]
-    conditions = Conditions(rows_left[kept] / scale[:, None], rows_right[kept] / scale[:, None], rhs[kept] / scale)
-    return conditions, (worst, float(misses[worst]) if len(misses) else 0.0), float(np.max(rhs_size[kept] / scale, initial=0.0))
+    scale = np.concatenate([row_size[:rho], np.ones(len(T) - rho)])
+    rows = np.column_stack([rows_left, rows_right, rhs, rhs_size]) / scale[:, None]
+    prescribed, free = rows[:rho][~empty[:rho]], rows[rho:]
+    if before.slack is not None:
+        tight = _without(T[rho:], before.slack)
+        free = np.column_stack([tight @ free[:, :-1], np.abs(tight) @ free[:, -1]])
+    kept = np.vstack([prescribed, free])
+    n_left = rows_left.shape[1]
+    conditions = Conditions(kept[:, :n_left], kept[:, n_left:-2], kept[:, -2])
+    check = (worst, float(misses[worst]) if len(misses) else 0.0)
+    return conditions, check, len(prescribed), float(np.max(kept[:, -1], initial=0.0))
+
+
+def _without(T: Array, slack: Array) -> Array:
+    """Orthonormal rows (., r) that take from T (r, m) times what is continuous whatever jumps along `slack` (m, k)."""
+    moved, terms = T @ slack, np.abs(T) @ np.abs(slack)
+    moved = np.where(np.abs(moved) <= SAME_ROW_TOLERANCE * terms, 0.0, moved) / as_divisor(np.max(terms, axis=0, initial=0.0))
+    U, sizes, _ = np.linalg.svd(moved)
+    return np.asarray(U[:, int(np.sum(sizes > SAME_ROW_TOLERANCE)) :].T)
 
 
 def _at_rest(stretch: Stretch, steady_f: Array, steady_b: Array) -> Conditions:

@@ -117,7 +117,7 @@ def _exact_inverse(problem: LeastCost) -> Trajectory | None:
     try:
         with np.errstate(over="raise", invalid="raise"):
             splits = split_each(task.plant)
-            require_smooth(task.plant, splits, task.deviation)
+            require_smooth(task.plant, [split.internal for split in splits], task.deviation)
             return bounded_solution(task, splits).trajectory
     except (InvtrackError, FloatingPointError, np.linalg.LinAlgError):
         return None

@@ -11,11 +11,12 @@ import scipy.linalg
 from invtrack.arrays import Array
 from invtrack.errors import RedesignError, TrajectoryError
 from invtrack.plans.problem import AT_REST, PlanningProblem
+from invtrack.plans.quadrature import reach
 from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import Driveable, two_sided_problem
 from invtrack.redesign.cost import FARTHEST, FREE_HOLDING, HELD, ROUNDING, Weights, graded_edges, quadrature, without_rounding
-from invtrack.redesign.optimality import Conditions, reach
+from invtrack.redesign.optimality import Conditions
 from invtrack.redesign.optimum import TrackedSystem, optimum
 from invtrack.redesign.riccati import ADVICE, PrecisionError
 from invtrack.references.signal import Generator, PiecewiseSignal

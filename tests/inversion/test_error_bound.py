@@ -27,7 +27,7 @@ PAIR = StateSpace([[0.0, 1, 0], [0, 0, 1], [-6, -11, -6]], [[0.0], [0], [1]], [[
 
 def least_by_linear_program(plant: StateSpace, reference: PiecewiseSignal, start: float, end: float, steps: int) -> float:
     """Least largest error at the grid's points over all held inputs that begin at rest and end at some equilibrium."""
-    n, p, h = plant.n_states, plant.n_channels, (end - start) / steps
+    n, p, h = plant.n_states, plant.n_outputs, (end - start) / steps
     held = scipy.linalg.expm(np.block([[plant.A, plant.B], [np.zeros((p, n + p))]]) * h)
     eye = scipy.sparse.identity(steps, format="csr")
     here = scipy.sparse.hstack([eye, scipy.sparse.csr_matrix((steps, 1))])

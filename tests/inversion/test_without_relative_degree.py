@@ -60,7 +60,7 @@ def test_an_input_that_acts_one_integration_later() -> None:
 @given(st.integers(0, 10**6))
 def test_any_plant_with_an_inverse(seed: int) -> None:
     plant = plant_without_relative_degree(seed)
-    p, rng = plant.n_channels, np.random.default_rng(seed)
+    p, rng = plant.n_outputs, np.random.default_rng(seed)
     needed = max(normal_form(plant).derivatives)
     reference = rest_to_rest(np.zeros(p), rng.normal(size=p), 2.5, smoothness=needed)
     try:
@@ -82,7 +82,7 @@ def test_a_feedthrough_of_rank_one() -> None:
 
 def test_smoothness_is_asked_of_what_the_inverse_takes() -> None:
     plant = plant_without_relative_degree(3)  # an input behind an integrator
-    p = plant.n_channels
+    p = plant.n_outputs
     needed = max(normal_form(plant).derivatives)
     message = rf"derivative of order \d jumps at t = 0 s.*without relative degree, needs \d; .* smoothness={needed}"
     with pytest.raises(TrajectoryError, match=message):

@@ -24,7 +24,7 @@ def with_hidden_modes(
 ) -> StateSpace:
     """`core` with modes that no output shows, modes that no input moves, and modes that are both, behind each other at random."""
     sizes = [core.n_states, len(unseen), len(unreached), len(both)]
-    p, n = core.n_channels, sum(sizes)
+    p, n = core.n_outputs, sum(sizes)
     parts = [slice(sum(sizes[:i]), sum(sizes[: i + 1])) for i in range(4)]
     A, B, C = np.zeros((n, n)), np.zeros((n, p)), np.zeros((p, n))
     for part, matrix in zip(parts, (core.A, unseen, unreached, both), strict=True):

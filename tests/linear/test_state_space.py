@@ -31,7 +31,10 @@ def point(u0: Any, y0: Any) -> OperatingPoint:
     [
         (lambda: StateSpace(A[:1], B, C), r"A has shape \(1, 2\), expected \(1, 1\)"),
         (lambda: StateSpace(A, B[:1], C), r"B has shape \(1, 1\), expected \(2, 1\)"),
-        (lambda: StateSpace(A, B, np.eye(2)), r"C has shape \(2, 2\), expected \(1, 2\).*as\s+many outputs as inputs"),
+        (lambda: StateSpace(A, B, np.eye(3)), r"C has shape \(3, 3\), expected \(3, 2\) for 2 states, 1 inputs and 3 outputs"),
+        (lambda: StateSpace(A, B, C, input_limits=[-1.0, 1.0]), r"input_limits must be \(1, 2\), lowest before highest"),
+        (lambda: StateSpace(A, B, C, input_limits=[[1.0, -1.0]]), r"input_limits must be \(1, 2\), lowest before highest"),
+        (lambda: StateSpace(A, B, C).with_outputs(["tip"]), r"expected some of the outputs \['y1'\], each once, got \['tip'\]"),
         (lambda: StateSpace(A, B, C, np.zeros((1, 2))), r"D has shape \(1, 2\), expected \(1, 1\)"),
         (lambda: StateSpace(A, [0.0, 1.0], C), "B must be a matrix, got an array with 1 dimension"),
         (lambda: StateSpace([[0.0, np.nan], [0.0, 0.0]], B, C), "A has entries that are not finite"),
@@ -61,7 +64,7 @@ def test_bad_input_is_refused(build: Callable[[], object], message: str) -> None
 def test_names_are_given_where_none_are() -> None:
     system = StateSpace(A, B, C, outputs=["tip"])
     assert (system.states.names, system.inputs.names, system.outputs.names) == (("x1", "x2"), ("u1",), ("tip",))
-    assert (system.n_states, system.n_channels) == (2, 1)
+    assert (system.n_states, system.n_inputs, system.n_outputs) == (2, 1, 1)
     assert pytest.approx(np.zeros((1, 1))) == system.D
 
 

@@ -61,7 +61,7 @@ def test_rows_are_the_combinations_of_derivatives_that_they_are_said_to_be(seed:
 @given(st.integers(0, 10**6))
 def test_units_of_states_inputs_outputs_and_time_do_not_matter(seed: int) -> None:
     plant, rng = plant_without_relative_degree(seed), np.random.default_rng(seed)
-    states, inputs, outputs = (10.0 ** rng.integers(-6, 7, size) for size in (plant.n_states, *[plant.n_channels] * 2))
+    states, inputs, outputs = (10.0 ** rng.integers(-6, 7, size) for size in (plant.n_states, *[plant.n_outputs] * 2))
     time = 10.0 ** rng.integers(-6, 7)
     other = StateSpace(
         time * states[:, None] * plant.A / states,

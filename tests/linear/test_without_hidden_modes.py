@@ -50,7 +50,7 @@ def test_response_and_zeros_are_those_of_the_part_that_is_moved_and_shown(seed: 
     core = plant_with(rng, [(2,), (1, 2)][seed % 2], block(*proper), mixed=False)
     chain = np.diag(np.ones(2), k=1)
     plant = with_hidden_modes(rng, core, block(-1.0, 2j), chain, block(0.7), mixed=mixed)
-    n, p = plant.n_states, plant.n_channels
+    n, p = plant.n_states, plant.n_outputs
     time, inputs, outputs = 10.0 ** rng.uniform(-6, 6), 10.0 ** rng.uniform(-6, 6, p), 10.0 ** rng.uniform(-6, 6, p)
     whole = in_other_units(plant, 10.0 ** rng.uniform(-6, 6, n), time, inputs, outputs)
     left = without_hidden_modes(whole)

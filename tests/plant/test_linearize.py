@@ -104,7 +104,7 @@ def transition_error(plant: Plant, timestep: float) -> float:
     """Distance of MuJoCo's discrete transition matrices from the exact discretization of the linear model."""
     linear, model = linearize(plant), plant.model_with()
     model.opt.timestep = timestep
-    n, p = linear.n_states, linear.n_channels
+    n, p = linear.n_states, linear.n_outputs
     A, B = np.zeros((n, n)), np.zeros((n, p))
     mujoco.mjd_transitionFD(model, plant.new_data(model), 1e-6, True, A, B, None, None)
     exact = scipy.linalg.expm(timestep * np.block([[linear.A, linear.B], [np.zeros((p, n + p))]]))[:n]

@@ -88,7 +88,7 @@ def test_response_is_the_lemma_away_from_poles(model: StateSpace, weights: dict)
     w = np.array([-3.0, 0.2, 1.0, 4.0, 30.0])
     found = prefilter(model, **weights)
     response, change = found.frequency_response(w), found.input_change(w)
-    R, Q_y = (np.eye(model.n_channels) * weights[name] if np.ndim(weights[name]) == 0 else weights[name] for name in ("R", "Q_y"))
+    R, Q_y = (np.eye(model.n_outputs) * weights[name] if np.ndim(weights[name]) == 0 else weights[name] for name in ("R", "Q_y"))
     Q_x = weights.get("Q_x", np.zeros((model.n_states, model.n_states)))
     for k, frequency in enumerate(w):
         G_x, G_y = plant_response(model, frequency)
@@ -120,7 +120,7 @@ def test_an_undamped_mode_is_followed_at_its_own_frequency_with_no_input() -> No
 @pytest.mark.parametrize(("model", "weights"), [(TWO_DISC, RIG_WEIGHTS), (TWO_CARTS, CART_WEIGHTS)], ids=["discs", "carts"])
 def test_optimum_does_not_depend_on_the_stabilizing_gain(model: StateSpace, weights: dict) -> None:
     w = np.concatenate([[0.0, 2e-5], np.geomspace(1e-3, 100.0, 40)])
-    n, p = model.n_states, model.n_channels
+    n, p = model.n_states, model.n_outputs
     gains = [
         np.linalg.solve(r * np.eye(p), model.B.T @ scipy.linalg.solve_continuous_are(model.A, model.B, np.eye(n), r * np.eye(p)))
         for r in (0.03, 30.0)

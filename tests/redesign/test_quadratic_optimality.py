@@ -89,7 +89,7 @@ def filtered(
     system: StateSpace, reference: PiecewiseSignal, weights: dict[str, Any], window: float, step: float
 ) -> tuple[Array, ...]:
     """times, u_opt = (R + Gx*Q_xGx + Gy*Q_yGy)^-1 Gy*Q_y y_d and y_opt, frequency by frequency on a periodic window."""
-    n, p = system.n_states, system.n_channels
+    n, p = system.n_states, system.n_outputs
     R, Q_x, Q_y = (
         weights[name] * np.eye(size) if np.ndim(weights[name]) == 0 else weights[name]
         for name, size in (("R", p), ("Q_x", n), ("Q_y", p))

@@ -54,7 +54,7 @@ def plants() -> dict[str, StateSpace]:
 @pytest.mark.parametrize("name", plants())
 def test_where_nothing_switches_the_map_is_the_francis_regulator(name: str) -> None:
     plant = plants()[name]
-    p, rng = plant.n_channels, np.random.default_rng(5)
+    p, rng = plant.n_outputs, np.random.default_rng(5)
     A_e = block(0.0, 1.3j, -0.7, 0.4)  # a bias, a sinusoid, a decaying and a growing mode
     for exo in (exosystem(A_e, rng.normal(size=(p, 5))), stack_exosystems([polynomial_exosystem(2)] * p)):
         regulation, exact = exosystem_map(plant, exo), francis(plant, exo.A[0], exo.C[0])

@@ -132,9 +132,7 @@ def modified_dynamics(internal: InternalDynamics, part: MovablePart, gain: Array
     T, T_inverse = np.vstack([form.C_star, form.N]) / d[:, None], np.hstack([form.P, form.V]) * d
     frame = replace(form, C_star=np.zeros((0, n)), N=T, P=form.P + form.V @ rest.H, V=T_inverse)
     poles = np.concatenate([part.poles, unmoved])
-    modified = InternalDynamics(
-            frame, S, R[:, :rho], R[:, rho:], np.zeros((n, 0)), np.eye(n), poles, internal.uncertainty
-        )
+    modified = InternalDynamics(frame, S, R[:, :rho], R[:, rho:], np.zeros((n, 0)), np.eye(n), poles, internal.uncertainty)
     return ModifiedDynamics(_split(modified), F, feedthrough, np.vstack([form.C_star, form.N]), G_v / d[:, None], poles)
 
 

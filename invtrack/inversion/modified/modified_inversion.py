@@ -185,7 +185,7 @@ def modified_inversion(
     plant, deviation = planning.plant, planning.deviation
     wish = Wish(move, axis_distance, real_part)
     splits = undivided_dynamics(plant)
-    require_smooth(plant, splits, deviation)
+    require_smooth(plant, [split.internal for split in splits], deviation)
     internals = [split.internal for split in splits]
     _require_relative_degree(plant, internals)
     duration = planning.manoeuvre[1] - planning.manoeuvre[0]
