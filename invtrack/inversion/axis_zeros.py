@@ -20,6 +20,7 @@ from invtrack.linear.internal_dynamics import (
     on_axis,
     split_by,
 )
+from invtrack.linear.invariant_parts import invariant_parts
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.problem import PlanningProblem
@@ -51,24 +52,23 @@ def split_interval(system: StateSpace, *, endless: bool) -> SplitDynamics:
     split = split_by(internal, lambda zero: bool(forward[np.argmin(np.abs(zeros - zero))]))
     if not endless or not np.any(axis):
         return split
-    schur, Q, n = scipy.linalg.schur(
-        split.A_s, output="real", sort=lambda re, im: not axis[np.argmin(np.abs(zeros - complex(re, im)))]
-    )
-    A_s, A_c = schur[:n, :n], schur[n:, n:]
-    X = scipy.linalg.solve_sylvester(A_s, -A_c, -schur[:n, n:]) if n else np.zeros((0, len(A_c)))
-    # schur (X I) = (X I) A_c: the columns [X; I] span the neutral part, and z - X z_c is free of it.
-    onto = np.vstack([Q[:, :n].T - X @ Q[:, n:].T, Q[:, n:].T])
-    back = np.hstack([Q[:, :n], Q[:, :n] @ X + Q[:, n:]])
-    U, sizes, Vh = np.linalg.svd(A_c)
-    kept = sizes > internal.uncertainty
+    parts = invariant_parts(split.A_s, lambda zero: not axis[np.argmin(np.abs(zeros - zero))])
+    onto = np.vstack([parts.L_1, parts.L_2])
     return replace(
         split,
-        A_s=scipy.linalg.block_diag(A_s, A_c),
+        A_s=scipy.linalg.block_diag(parts.A_1, parts.A_2),
         G_s=onto @ split.G_s,
-        W_s=split.W_s @ back,
+        W_s=split.W_s @ np.hstack([parts.W_1, parts.W_2]),
         L_s=onto @ split.L_s,
-        neutral=Vh[kept].T @ (U[:, kept] / sizes[kept]).T,
+        neutral=resolved_inverse(parts.A_2, internal.uncertainty),
     )
+
+
+def resolved_inverse(A: Array, uncertainty: float) -> Array:
+    """The pseudoinverse of A (k, k), singular values within its uncertainty taken for zero."""
+    U, sizes, Vh = np.linalg.svd(A)
+    kept = sizes > uncertainty
+    return np.asarray(Vh[kept].T @ (U[:, kept] / sizes[kept]).T)
 
 
 def require_rest_held(problem: PlanningProblem, splits: Sequence[SplitDynamics]) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array
 from invtrack.errors import (
@@ -17,10 +18,13 @@ from invtrack.errors import (
     RelativeDegreeError,
     TrajectoryError,
 )
+from invtrack.inversion.allocated import AllocatedDynamics
 from invtrack.inversion.axis_zeros import split_interval
-from invtrack.inversion.exact import inverse_problem, invert
+from invtrack.inversion.bounded_solution import inverse_problem
+from invtrack.inversion.exact import invert
 from invtrack.inversion.feasibility_report import BoundaryConditions, FeasibilityReport, IntervalReport, JumpReport
-from invtrack.linear.internal_dynamics import SplitDynamics
+from invtrack.inversion.input_measure import InputMeasure, input_measure
+from invtrack.inversion.inverse_system import Inverse, InverseSystem
 from invtrack.linear.normal_form import NormalForm
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
@@ -28,6 +32,9 @@ from invtrack.linear.zeros import ZeroReport, zero_report
 from invtrack.plans.problem import PlanningProblem, require_reference
 from invtrack.plans.two_sided_problem import SAME_ROW_TOLERANCE, TwoSidedSolution
 from invtrack.references.signal import PiecewiseSignal
+
+PARTS = ("forward", "backward")
+"""Of a two-sided system: what is stable, and what is antistable."""
 
 CONDITIONS: dict[type[InvtrackError], str] = {
     TrajectoryError: "smoothness of the reference",
@@ -38,35 +45,38 @@ CONDITIONS: dict[type[InvtrackError], str] = {
 }
 
 
-def feasibility(model: Any, reference: PiecewiseSignal) -> FeasibilityReport:
+def feasibility(model: Any, reference: PiecewiseSignal, *, R: ArrayLike | None = None) -> FeasibilityReport:
     """Whether `invert` can follow `reference` with `model`, and what Lemmas 1 to 4 say about it; `print` shows it as text.
 
     Per interval: relative degree and zeros. Per jump: whether C* and the subspaces of the internal dynamics are the same on both
     sides, and the compatibility conditions C*_k x(t_k) = Y_d,k(t_k). Over all: the linear equations of Lemma 1, whether they are
-    independent (Lemma 4) and whether they hold. Ranks come from the ordered elimination that also solves the equations.
+    independent (Lemma 4) and whether they hold. Ranks come from the ordered elimination that also solves the equations. With more
+    inputs than outputs the equations are those of the least input, whose unknowns are state and costate.
 
-    model, reference: as for `invert`. Raises ModelError and TrajectoryError for malformed input (wrong number of channels) only;
-    what makes the problem unsolvable is reported. Source: Devasia, Paden, Rossi 1996, section 2.
+    model, reference, R: as for `invert`. Raises ModelError and TrajectoryError for malformed input (wrong number of channels), and
+    InversionError for a malformed R, only; what makes the problem unsolvable is reported. Source: Devasia, Paden, Rossi 1996,
+    section 2.
     """
     plant = as_switched(model)
     require_reference(plant, reference)
+    measure = input_measure(plant, R)
     edges = [-np.inf, *plant.switch_times.tolist(), np.inf]
-    examined = plant.map(lambda system: _examine(system, endless=plant.is_endless(system)))
+    examined = plant.map(lambda system: _examine(system, measure, endless=plant.is_endless(system)))
     intervals = tuple(
         IntervalReport(start, end, zeros, "" if error is None else str(error))
         for start, end, (zeros, _, error) in zip(edges[:-1], edges[1:], examined, strict=True)
     )
-    splits = [split for _, split, _ in examined if split is not None]
-    equations = _equations(plant, splits, reference) if len(splits) == len(plant) else None
+    inverses = [inverse for _, inverse, _ in examined if inverse is not None]
+    equations = _equations(plant, inverses, reference) if len(inverses) == len(plant) else None
     jumps = tuple(_jump(plant, k, examined[k][1], examined[k + 1][1], equations) for k in range(len(plant) - 1))
-    error = _verdict(plant, reference)
+    error = _verdict(plant, reference, R)
     return FeasibilityReport(
         solvable=error is None,
         failed="" if error is None else _condition(error, equations is not None),
         message="" if error is None else str(error),
         intervals=intervals,
         jumps=jumps,
-        boundary=None if equations is None else _boundary_conditions(splits, jumps, equations),
+        boundary=None if equations is None else _boundary_conditions(inverses, jumps, equations),
     )
 
 
@@ -77,28 +87,32 @@ def _condition(error: InvtrackError, has_equations: bool) -> str:
     return "accuracy of the inverse" if has_equations else "a bounded response to the reference's endless modes"
 
 
-def _examine(system: StateSpace, *, endless: bool) -> tuple[ZeroReport | None, SplitDynamics | None, InvtrackError | None]:
+def _examine(
+    system: StateSpace, measure: InputMeasure, *, endless: bool
+) -> tuple[ZeroReport | None, Inverse | None, InvtrackError | None]:
     zeros = None
     try:
         zeros = zero_report(system)
-        return zeros, split_interval(system, endless=endless), None
-    except RelativeDegreeError as error:
+        if system.n_inputs > system.n_outputs:
+            return zeros, AllocatedDynamics.of(system, measure.R).inverse(endless=endless), None
+        return zeros, InverseSystem.of(system, split_interval(system, endless=endless)), None
+    except (RelativeDegreeError, NonHyperbolicError) as error:
         return zeros, None, error
 
 
-def _verdict(plant: SwitchedSystem, reference: PiecewiseSignal) -> InvtrackError | None:
+def _verdict(plant: SwitchedSystem, reference: PiecewiseSignal, R: ArrayLike | None) -> InvtrackError | None:
     """What `invert` says: by definition the report agrees with it."""
     try:
-        invert(plant, reference)
+        invert(plant, reference, R=R)
     except (TrajectoryError, RelativeDegreeError, InversionError) as error:
         return error
     return None
 
 
-def _equations(plant: SwitchedSystem, splits: list[SplitDynamics], reference: PiecewiseSignal) -> TwoSidedSolution | None:
+def _equations(plant: SwitchedSystem, inverses: list[Inverse], reference: PiecewiseSignal) -> TwoSidedSolution | None:
     """The equations behind `invert`, also where they have no solution or the reference is not smooth; None if they do not exist."""
     try:
-        return inverse_problem(PlanningProblem.of(plant, reference), splits).solve()
+        return inverse_problem(PlanningProblem.of(plant, reference), inverses).solve()
     except InversionError:
         return None
 
@@ -106,8 +120,8 @@ def _equations(plant: SwitchedSystem, splits: list[SplitDynamics], reference: Pi
 def _jump(
     plant: SwitchedSystem,
     k: int,
-    left: SplitDynamics | None,
-    right: SplitDynamics | None,
+    left: Inverse | None,
+    right: Inverse | None,
     equations: TwoSidedSolution | None,
 ) -> JumpReport:
     same: bool | None = None
@@ -117,8 +131,9 @@ def _jump(
         same = _same_outputs(*forms)
         # Angles must not depend on units.
         scale = np.exp2(np.mean([np.log2(form.units) for form in forms], axis=0))[:, None]
-        V_l, V_r = forms[0].V / scale, forms[1].V / scale
-        angles = _angle(V_l, V_r), _angle(V_l @ left.W_s, V_r @ right.W_s), _angle(V_l @ left.W_u, V_r @ right.W_u)
+        kernels = [form.V / scale for form in forms]
+        forward, backward = ([getattr(side.system, part).J[: len(scale)] / scale for side in (left, right)] for part in PARTS)
+        angles = _angle(*kernels), _angle(*forward), _angle(*backward)
     rows, fixed_miss, miss = None, None, None
     if equations is not None:
         rows, fixed_miss = equations.compatibility_rows[k], equations.open_checks[k][1]
@@ -141,15 +156,13 @@ def _angle(left: Array, right: Array) -> float:
     return float(np.max(scipy.linalg.subspace_angles(left, right))) if left.shape[1] else 0.0
 
 
-def _boundary_conditions(
-    splits: list[SplitDynamics], jumps: tuple[JumpReport, ...], equations: TwoSidedSolution
-) -> BoundaryConditions:
-    solution = equations.boundary
+def _boundary_conditions(inverses: list[Inverse], jumps: tuple[JumpReport, ...], equations: TwoSidedSolution) -> BoundaryConditions:
+    solution, first, last = equations.boundary, inverses[0].system, inverses[-1].system
     return BoundaryConditions(
-        unknowns=len(splits[0].A_u),
-        end_conditions=len(splits[-1].A_u),
+        unknowns=first.backward.size,
+        end_conditions=last.backward.size,
         compatibility_rows=sum(jump.compatibility_rows or 0 for jump in jumps),
-        stable_after=len(splits[-1].A_s),
+        stable_after=last.forward.size,
         freedom=solution.freedom,
         conditioning=solution.conditioning,
         final_miss=float(solution.inconsistency[-1] / max(equations.size, np.finfo(float).tiny)),

@@ -75,10 +75,10 @@ class BoundaryConditions:
     """The linear equations of Lemma 1, counted and ranked.
 
     Args:
-        unknowns: n_u,0, the number of antistable zeros in the first interval.
+        unknowns: n_u,0, the number of antistable modes of the inverse (zeros, for as many inputs as outputs) in the first interval.
         end_conditions: n_u,N, that in the last interval.
         compatibility_rows: of all jumps together.
-        stable_after: n_s,N, the number of stable zeros in the last interval.
+        stable_after: n_s,N, the number of stable modes of the inverse in the last interval.
         freedom: number of directions that the equations leave open.
         conditioning: smallest pivot of the elimination relative to its block (1 is best).
         final_miss: by how much the end conditions fail, relative to the trajectory.

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from invtrack.arrays import Array
-from invtrack.inversion.redesign_call import redesign_call
+from invtrack.inversion.redesign_call import REDESIGN_ERROR, redesign_call
 from invtrack.linear.normal_form import NormalForm
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.trajectory import Trajectory
@@ -15,9 +15,6 @@ from invtrack.references.signal import PiecewiseSignal
 
 CONSISTENCY_TOLERANCE = 1e-7
 """Conditions without unknowns left must hold to this share of the size of their terms."""
-
-REDESIGN_ERROR = 1e-3
-"""Where a refusal names quadratic_redesign: output error, as a share of the motion, that weighs as much as the peak input."""
 
 
 def missing_derivative(problem: PlanningProblem, form: NormalForm, trajectory: Trajectory, k: int, share: float) -> str:

@@ -8,8 +8,10 @@ import numpy as np
 
 from invtrack.arrays import Array
 from invtrack.errors import InversionError, NonHyperbolicError
-from invtrack.inversion.exact import bounded_solution, require_smooth
+from invtrack.inversion.bounded_solution import bounded_solution
+from invtrack.inversion.inverse_system import inverse_systems, require_square
 from invtrack.inversion.modified.modified_dynamics import has_equilibrium, undivided_dynamics
+from invtrack.inversion.smoothness import require_smooth
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros, on_axis
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.plan import Plan
@@ -37,11 +39,12 @@ def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float =
     `modified_inversion` and `invert` are compared with. Source: Devasia 1996 (non-hyperbolic internal dynamics), section 2.3.
     """
     problem = PlanningProblem.of(model, reference, tolerance=tolerance)
+    require_square(problem.plant, "causal_inverse")
     splits = undivided_dynamics(problem.plant)
     for k, split in enumerate(splits):
         _require_bounded(split.internal, k)
     require_smooth(problem.plant, [split.internal for split in splits], problem.deviation)
-    solution = bounded_solution(problem, splits)
+    solution = bounded_solution(problem, inverse_systems(problem.plant, splits))
     last, remarks = splits[-1].internal, solution.remarks
     rings = on_axis(last)
     if np.any(rings):
@@ -83,6 +86,7 @@ def steady_state_feedforward(model: Any, reference: PiecewiseSignal) -> Plan:
     Raises InversionError where some output cannot be held (a zero at s = 0), TrajectoryError for a wrong number of channels.
     """
     problem = PlanningProblem.of(model, reference)
+    require_square(problem.plant, "steady_state_feedforward")
     trajectory = two_sided_problem(problem, problem.plant.map(_SteadyState)).solve().trajectory()
     remark = "not a trajectory of the plant: the steady state of each wanted output"
     return problem.plan("steady-state feedforward", trajectory, exact=None, remarks=(remark,))

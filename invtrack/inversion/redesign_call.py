@@ -5,6 +5,25 @@ from __future__ import annotations
 import numpy as np
 
 from invtrack.arrays import Array
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.references.signal import PiecewiseSignal
+
+REDESIGN_ERROR = 1e-3
+"""Where a refusal names quadratic_redesign: output error, as a share of the motion, that weighs as much as the peak input."""
+
+
+def call_for(plant: SwitchedSystem, reference: PiecewiseSignal) -> str:
+    """The call for a plant that has no inverse: inputs are as large as a least squares fit asks at the pace of the manoeuvre.
+
+    reference: deviations from the operating point.
+    """
+    system, (start, end) = plant.systems[0], reference.manoeuvre
+    motion = np.maximum(reference.size(0), np.abs(reference(end + 1.0)))
+    s = 1j * np.pi / (end - start if end > start else 1.0)
+    gains = system.C @ np.linalg.solve(s * np.eye(system.n_states) - system.A, system.B) + system.D
+    size = _sizes(motion)
+    inputs = np.linalg.pinv(gains / size[:, None]) @ (motion / size)
+    return redesign_call(motion, np.abs(inputs), held=np.zeros(plant.n_inputs), error=REDESIGN_ERROR)
 
 
 def redesign_call(motion: Array, inputs: Array, *, held: Array, error: float) -> str:

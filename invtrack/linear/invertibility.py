@@ -85,18 +85,17 @@ def _too_many_outputs(system: StateSpace, transfer: ComplexArray) -> str:
     for chosen in itertools.islice(itertools.combinations(range(p), rank), MOST_CHOICES):
         if max(m - _null(matrix[list(chosen)]).shape[1] for matrix in transfer) == rank:
             served.append(str([outputs[i] for i in chosen]))
-    one = rank == 1
     message = (
-        f"more outputs than inputs: {m} input(s) {list(inputs)} move {p} outputs {list(outputs)} along {rank} independent "
-        f"{'trajectory' if one else 'trajectories'}, so exactly {rank} of them, or of their combinations, can be tracked exactly"
+        f"more outputs than inputs: {m} input(s) {list(inputs)} for the {p} outputs {list(outputs)}, of which no more than {rank} "
+        "(or as many combinations) can follow trajectories of their own exactly"
     )
     if served and rank == m:
         first = served[0]
         message += (
             f": {' or '.join(served[:SHOWN_CHOICES])}{' or others' if len(served) > SHOWN_CHOICES else ''} "
-            f"(model.with_outputs({first}), and a reference for {'it' if one else 'them'} alone)"
+            f"(model.with_outputs({first}) and a reference for no others)"
         )
-    return f"{message}; to follow all of them as well as the inputs can, use {NO_INVERSE_NEEDED}"
+    return f"{message}; to follow all of them, use {NO_INVERSE_NEEDED}"
 
 
 def _transfer(A: Array, B: Array, C: Array, D: Array) -> ComplexArray:

@@ -30,6 +30,7 @@ class NormalForm:
         C_star, N: (rho, n) and (n - rho, n).
         P, V: (n, rho) and (n, n - rho).
         A_x, B_y: (p, n) and (p, m).
+        A_x_error: what the errors of the model's entries make of A_x (p, n).
         zeta, chi: rho and p combinations of the outputs' derivatives.
         combined: whether outputs are combined, so that there is no vector relative degree.
         decoupling_condition: condition number of B_y with rows and columns scaled to unit size.
@@ -43,6 +44,7 @@ class NormalForm:
     V: Array
     A_x: Array
     B_y: Array
+    A_x_error: Array
     zeta: OutputDerivatives
     chi: OutputDerivatives
     combined: bool
@@ -107,6 +109,7 @@ def normal_form(system: Any) -> NormalForm:
         V=V,
         A_x=found.A_x,
         B_y=found.B_y,
+        A_x_error=found.A_x_error,
         zeta=found.zeta,
         chi=found.chi,
         combined=found.combined,

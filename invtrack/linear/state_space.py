@@ -182,19 +182,31 @@ class StateSpace:
 
         Raises ModelError for names that are not its outputs, or repeat.
         """
-        chosen = texts("outputs", outputs, expected=f"a list of some of the outputs {list(self.outputs.names)}", error=ModelError)
-        unknown = [name for name in chosen if name not in self.outputs.names]
-        if unknown or not chosen or len(set(chosen)) < len(chosen):
-            raise ModelError(f"expected some of the outputs {list(self.outputs.names)}, each once, got {list(chosen)}")
-        rows = [self.outputs.names.index(name) for name in chosen]
-        point, errors = self.operating_point, dict(self.error_estimates)
+        rows, point = _chosen("outputs", outputs, self.outputs), self.operating_point
         return replace(
             self,
             C=self.C[rows],
             D=self.D[rows],
-            outputs=self.outputs.subset(chosen),
+            outputs=self.outputs.subset(outputs),
             operating_point=replace(point, y0=point.y0[rows]),
-            error_estimates={name: value[rows] if name in ("C", "D") else value for name, value in errors.items()},
+            error_estimates={name: e[rows] if name in ("C", "D") else e for name, e in self.error_estimates.items()},
+        )
+
+    def with_inputs(self, inputs: Sequence[str]) -> StateSpace:
+        """The system with only these of its inputs, in this order; the others stay at the operating point.
+
+        Raises ModelError for names that are not its inputs, or repeat.
+        """
+        columns, point, measurement = _chosen("inputs", inputs, self.inputs), self.operating_point, self.measurement
+        return replace(
+            self,
+            B=self.B[:, columns],
+            D=self.D[:, columns],
+            inputs=self.inputs.subset(inputs),
+            input_limits=self.input_limits[columns],
+            operating_point=replace(point, u0=point.u0[columns]),
+            measurement=replace(measurement, D=measurement.D[:, columns]),
+            error_estimates={name: e[:, columns] if name in ("B", "D") else e for name, e in self.error_estimates.items()},
         )
 
     def transformed(self, T: ArrayLike, states: Channels | Sequence[str] | None = None) -> StateSpace:
@@ -263,6 +275,14 @@ def _matrix(name: str, value: ArrayLike) -> Array:
         raise ModelError(f"{name} has entries that are not finite")
     matrix.setflags(write=False)
     return matrix
+
+
+def _chosen(kind: str, names: Sequence[str], channels: Channels) -> list[int]:
+    """Numbers of the channels of these names."""
+    chosen = texts(kind, names, expected=f"a list of some of the {kind} {list(channels.names)}", error=ModelError)
+    if not chosen or len(set(chosen)) < len(chosen) or any(name not in channels.names for name in chosen):
+        raise ModelError(f"expected some of the {kind} {list(channels.names)}, each once, got {list(chosen)}")
+    return [channels.names.index(name) for name in chosen]
 
 
 def _limits(value: ArrayLike | None, m: int) -> Array:

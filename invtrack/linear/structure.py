@@ -40,6 +40,7 @@ class OutputStructure:
         orders: (p,), with the sum rho.
         C_star: (rho, n), the rows of output 1, of output 2, and so on.
         A_x, B_y: (p, n) and (p, m).
+        A_x_error: what the errors of the model's entries make of A_x (p, n).
         zeta, chi: rho and p combinations of the outputs' derivatives.
         combined: whether rows were combined, so that there is no vector relative degree.
         decoupling_condition: condition number of B_y with rows and columns scaled to unit size.
@@ -49,6 +50,7 @@ class OutputStructure:
     C_star: Array
     A_x: Array
     B_y: Array
+    A_x_error: Array
     zeta: OutputDerivatives
     chi: OutputDerivatives
     combined: bool
@@ -134,6 +136,7 @@ def output_structure(system: StateSpace) -> OutputStructure:
         C_star=np.array([row.c for row in flat]).reshape(-1, n),
         A_x=np.array([row.c for row in rows]),
         B_y=B_y,
+        A_x_error=np.array([row.c_error for row in rows]),
         zeta=_stacked([row.h for row in flat], p),
         chi=_stacked([row.h for row in rows], p),
         combined=combined,

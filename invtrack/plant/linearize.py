@@ -91,18 +91,13 @@ def linearize(
         allow_nonequilibrium: whether the operating point need not be an equilibrium; its rate is then left out.
         parameter_values: named parameters that differ from the file.
 
-    Raises PlantError for unequal numbers of inputs and outputs, an operating point that is no equilibrium (unless
-    allow_nonequilibrium), active constraints, saturated controls, spinning ball or free joints, kinks, dropped states that act on
-    what is kept, and models in which qacc depends on the time step (integrator="discrete").
+    Raises PlantError for an operating point that is no equilibrium (unless allow_nonequilibrium), active constraints, saturated
+    controls, spinning ball or free joints, kinks, dropped states that act on what is kept, and models in which qacc depends on the
+    time step (integrator="discrete").
     """
     instance("plant", plant, Plant, expected=A_PLANT, error=PlantError)
     flag("allow_nonequilibrium", allow_nonequilibrium, error=PlantError)
     require_not_negative("equilibrium_tolerance", equilibrium_tolerance, error=PlantError)
-    if len(plant.inputs) != len(plant.outputs):
-        raise PlantError(
-            f"inversion needs as many outputs as inputs, got {len(plant.outputs)} ({', '.join(plant.outputs.names)}) for"
-            f" {len(plant.inputs)} ({', '.join(plant.inputs.names)}); choose the outputs that are to follow the trajectory"
-        )
     reserved = sorted(_OPTIONS & set(plant.parameters))
     if reserved:
         raise PlantError(f"parameters cannot be called {', '.join(reserved)}, which are options of linearize; rename them")
@@ -145,7 +140,7 @@ class _Dynamics:
 
 
 def _steps(plant: Plant, model: mujoco.MjModel, step: float) -> Array:
-    """The smallest perturbation of each state and input, (n + p,): powers of two, so that sums and differences lose no digits."""
+    """The smallest perturbation of each state and input, (n + m,): powers of two, so that sums and differences lose no digits."""
     length = min(1.0, float(model.stat.extent))
     translation = np.array([unit == "m" for unit in _tangent_units(model)])
     positions = np.where(translation, length, 1.0)
@@ -193,15 +188,15 @@ def _check(plant: Plant, derivative: Derivative) -> None:
 def _assemble(
     plant: Plant, point: OperatingPoint, measured: Array, parameters: Mapping[str, float], derivative: Derivative
 ) -> StateSpace:
-    nv, n, p = plant.model.nv, len(plant.coordinates), len(plant.inputs)
-    velocity_rows = np.zeros((nv, n + p))
+    nv, n, m, p = plant.model.nv, len(plant.coordinates), len(plant.inputs), len(plant.outputs)
+    velocity_rows = np.zeros((nv, n + m))
     velocity_rows[:, nv : 2 * nv] = np.eye(nv)
-    jacobian, error = np.vstack([velocity_rows, derivative.jacobian]), np.vstack([np.zeros((nv, n + p)), derivative.error])
+    jacobian, error = np.vstack([velocity_rows, derivative.jacobian]), np.vstack([np.zeros((nv, n + m)), derivative.error])
     kept_rows = np.concatenate([plant.state_addresses, np.arange(n, len(jacobian))])
     jacobian, error = jacobian[kept_rows], error[kept_rows]
     rows = [repr(name) for name in (*plant.states.names, *plant.outputs.names, *plant.measurements.names)]
     refuse_acting(plant, jacobian[:, :n], error[:, :n], rows)
-    kept_columns, n = np.concatenate([plant.state_addresses, np.arange(n, n + p)]), plant.n_states
+    kept_columns, n = np.concatenate([plant.state_addresses, np.arange(n, n + m)]), plant.n_states
     value, errors = _blocks(jacobian[:, kept_columns], n, p), _blocks(error[:, kept_columns], n, p)
     C_m, D_m = np.split(jacobian[n + p :, kept_columns], [n], axis=1)
     return StateSpace(
@@ -210,6 +205,7 @@ def _assemble(
         inputs=plant.inputs,
         outputs=plant.outputs,
         operating_point=point,
+        input_limits=plant.input_limits,
         measurement=Measurement(C_m, D_m, plant.measurements, measured),
         parameters=parameters,
         error_estimates=errors,

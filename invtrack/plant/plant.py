@@ -186,7 +186,7 @@ class Plant:
 
     @property
     def input_limits(self) -> Array:
-        """Lowest and highest value of each input that its actuator passes on, (p, 2); infinite where it is not limited."""
+        """Lowest and highest value of each input that its actuator passes on, (m, 2); infinite where it is not limited."""
         return control_limits(self.model, self.input_addresses)
 
     @property
@@ -201,7 +201,7 @@ class Plant:
 
     @property
     def operating_point(self) -> OperatingPoint:
-        """x0 = (qpos, qvel, act) (nq + nv + na,), u0 (p,) and y0 (p,), with the file's parameter values."""
+        """x0 = (qpos, qvel, act) (nq + nv + na,), u0 (m,) and y0 (p,), with the file's parameter values."""
         return self.operating_point_in(self.model)
 
     def operating_point_in(self, model: mujoco.MjModel) -> OperatingPoint:

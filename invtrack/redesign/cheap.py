@@ -9,7 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from invtrack.errors import InvtrackError, RedesignError
-from invtrack.inversion.exact import bounded_solution, require_smooth, split_each
+from invtrack.inversion.bounded_solution import bounded_solution
+from invtrack.inversion.inverse_system import hyperbolic_splits, inverse_systems
+from invtrack.inversion.smoothness import require_smooth
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.redesign.least_cost import LeastCost, Optimal
@@ -116,8 +118,8 @@ def _exact_inverse(problem: LeastCost) -> Trajectory | None:
     task: PlanningProblem = problem.problems[0]
     try:
         with np.errstate(over="raise", invalid="raise"):
-            splits = split_each(task.plant)
+            splits = hyperbolic_splits(task.plant)
             require_smooth(task.plant, [split.internal for split in splits], task.deviation)
-            return bounded_solution(task, splits).trajectory
+            return bounded_solution(task, inverse_systems(task.plant, splits)).trajectory
     except (InvtrackError, FloatingPointError, np.linalg.LinAlgError):
         return None

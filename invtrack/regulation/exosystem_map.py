@@ -9,7 +9,7 @@ import numpy as np
 
 from invtrack.arrays import Array, Indices, require_share
 from invtrack.errors import PlanError, TrajectoryError
-from invtrack.inversion.exact import split_each
+from invtrack.inversion.inverse_system import hyperbolic_splits, require_square
 from invtrack.linear.state_sizes import unit_ratios
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.problem import actuation_times
@@ -61,8 +61,9 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
     """
     require_share("tolerance", tolerance, error=PlanError)
     plant = as_switched(model)
+    require_square(plant, "a regulation map")
     require_outputs(plant, exosystem)
-    splits = split_each(plant)
+    splits = hyperbolic_splits(plant)
     breakpoints = map_breakpoints(plant, exosystem)
     weights = visibility(exosystem, plant)
     pieces, kind = map_pieces(plant, splits, exosystem, breakpoints, weights)

@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array, ComplexArray, real_numbers
 from invtrack.errors import InversionError, TrajectoryError
+from invtrack.inversion.inverse_system import require_square
 from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace, as_state_space
+from invtrack.linear.switched import as_switched
 
 CONDITION_LIMIT = 1e13
 """Largest condition number, in the best of units, of [A - s I, B; C, D] at an exosystem mode s that is not called a plant zero."""
@@ -48,6 +50,7 @@ def francis(system: Any, A_e: ArrayLike, C_e: ArrayLike) -> Regulator:
     Devasia, Paden, Rossi 1996, section 3.
     """
     plant = as_state_space(system)
+    require_square(as_switched(plant), "francis")
     A_x, C_x = (np.atleast_2d(real_numbers(name, value)) for name, value in (("A_e", A_e), ("C_e", C_e)))
     q = len(A_x)
     if not (np.all(np.isfinite(A_x)) and np.all(np.isfinite(C_x))):

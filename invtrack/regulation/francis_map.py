@@ -8,6 +8,7 @@ import numpy as np
 
 from invtrack.arrays import Array, whole_number
 from invtrack.errors import InversionError
+from invtrack.inversion.inverse_system import require_square
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
@@ -47,6 +48,7 @@ def single_francis(model: Any, exosystem: Exosystem, *, interval: int = 0) -> Re
 
 def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem, method: str) -> RegulationMap:
     """The map of the regulators of the plant `assumed`, judged by the plant as it is."""
+    require_square(plant, "a regulation map")
     require_outputs(plant, exosystem)
     breakpoints = map_breakpoints(plant, exosystem)
     middles = inner_times(breakpoints)

@@ -10,7 +10,7 @@ import numpy as np
 
 from invtrack.arrays import Array, Indices
 from invtrack.errors import InversionError
-from invtrack.inversion.exact import InverseSystem
+from invtrack.inversion.inverse_system import InverseSystem
 from invtrack.linear.internal_dynamics import SplitDynamics
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem

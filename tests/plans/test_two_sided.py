@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from invtrack.inversion.exact import InverseSystem, inverse_problem, split_each
+from invtrack.inversion.bounded_solution import inverse_problem
+from invtrack.inversion.inverse_system import InverseSystem, hyperbolic_splits, inverse_systems
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.problem import PlanningProblem
@@ -24,7 +25,7 @@ CANTILEVER = StateSpace(*cantilever_paper(10.0))
 def systems() -> dict[str, TwoSidedSystem]:
     plant = SwitchedSystem([CANTILEVER])
     return {
-        "inverse": InverseSystem.of(CANTILEVER, split_each(plant)[0]).system,
+        "inverse": InverseSystem.of(CANTILEVER, hyperbolic_splits(plant)[0]).system,
         "optimum": optimum(CANTILEVER, as_weights(plant, R=1e-3, Q_x=0.0, Q_y=1.0)).system,
     }
 
@@ -88,7 +89,7 @@ def test_intervals_of_one_model_share_their_system() -> None:
     light, heavy = (StateSpace(*cantilever_paper(mass)) for mass in (0.0, 100.0))
     times = np.linspace(0.5, 6.0, 7)
     problem = PlanningProblem.of(SwitchedSystem([light, heavy] * 4, times), raised_cosine(2.0))
-    found = inverse_problem(problem, split_each(problem.plant))
+    found = inverse_problem(problem, inverse_systems(problem.plant, hyperbolic_splits(problem.plant)))
     assert len({id(system) for system in found.systems}) == 2
     assert all(a is not b for a, b in pairwise(found.systems))
 
@@ -97,7 +98,7 @@ def test_a_stretch_outside_the_manoeuvre_carries_its_states_over_no_time() -> No
     late = SwitchedSystem([CANTILEVER, StateSpace(*cantilever_paper(0.0))], [50.0])
     problem = PlanningProblem.of(late, rest_to_rest(0.0, 1.0, duration=2.0))
     assert problem.manoeuvre == (0.0, 50.0)
-    solution = inverse_problem(problem, split_each(problem.plant)).solve()
+    solution = inverse_problem(problem, inverse_systems(problem.plant, hyperbolic_splits(problem.plant))).solve()
     assert [len(stretch.lengths) for stretch in solution.stretches] == [2, 0]
     E_f, E_b = solution.stretches[1].transitions
     assert pytest.approx(np.eye(2)) == E_f

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.arrays import Array, ComplexArray, Indices
-from invtrack.inversion.exact import BoundedSolution, bounded_solution
+from invtrack.inversion.bounded_solution import BoundedSolution, bounded_solution
+from invtrack.inversion.inverse_system import inverse_systems
 from invtrack.inversion.modified.modified_dynamics import ModifiedDynamics, derivative_columns
 from invtrack.inversion.modified.placement import MovablePart
 from invtrack.linear.internal_dynamics import InternalDynamics
@@ -107,7 +108,8 @@ class DesignProblem:
     def solve(self, dynamics: Sequence[ModifiedDynamics], L: Sequence[Array]) -> BoundedSolution:
         """The bounded solution for one choice of F and L in each interval."""
         built = [d.with_feedforward(entry) for d, entry in zip(dynamics, L, strict=True)]
-        return bounded_solution(self.planning, [b[0] for b in built], [b[1] for b in built])
+        inverses = inverse_systems(self.planning.plant, [split for split, _ in built], [correction for _, correction in built])
+        return bounded_solution(self.planning, inverses)
 
     def is_accurate(self, solution: BoundedSolution) -> bool:
         """Whether a solution keeps the plant's equations over the manoeuvre, so that it may be handed out."""

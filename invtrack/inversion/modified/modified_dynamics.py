@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from invtrack.arrays import Array, ComplexArray
-from invtrack.inversion.exact import Correction
+from invtrack.inversion.inverse_system import Correction
 from invtrack.inversion.modified.placement import MovablePart, integrator_chains
 from invtrack.linear.internal_dynamics import AXIS_TOLERANCE, InternalDynamics, SplitDynamics, internal_dynamics, split_by
 from invtrack.linear.normal_form import NormalForm

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from invtrack.arguments import one_of
 from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import InversionError, RelativeDegreeError
-from invtrack.inversion.exact import require_smooth
+from invtrack.inversion.inverse_system import require_square
 from invtrack.inversion.modified.default_error_poles import default_error_poles
 from invtrack.inversion.modified.design import least_error_design, robust_design
 from invtrack.inversion.modified.design_problem import Candidate, DesignProblem
@@ -24,6 +24,7 @@ from invtrack.inversion.modified.modified_dynamics import equilibrium, has_equil
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named, require_movable
 from invtrack.inversion.modified.placement import MovablePart, movable_part
 from invtrack.inversion.redesign_call import redesign_call
+from invtrack.inversion.smoothness import require_smooth
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
@@ -184,6 +185,7 @@ def modified_inversion(
     one_of("design", design, get_args(Design), error=InversionError)
     plant, deviation = planning.plant, planning.deviation
     wish = Wish(move, axis_distance, real_part)
+    require_square(plant, "modified_inversion")
     splits = undivided_dynamics(plant)
     require_smooth(plant, [split.internal for split in splits], deviation)
     internals = [split.internal for split in splits]
