@@ -53,6 +53,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
         TendonStiffness,
         linearize,
         model_path,
+        trim,
     )
     from invtrack.recording import load_recording, save_recording
     from invtrack.redesign import Limits, StateLimit, constrained_redesign, quadratic_redesign
@@ -108,6 +109,7 @@ __all__ = [
     "sampled_reference",
     "save_recording",
     "simulate",
+    "trim",
 ]
 
 # A room is loaded when it, or a name of it, is first used (PEP 562): who plans waits for neither MuJoCo nor Rerun nor matplotlib.
@@ -122,6 +124,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
         "TendonStiffness",
         "linearize",
         "model_path",
+        "trim",
     ),
     "linear": ("StateSpace", "SwitchedSystem"),
     "references": ("PiecewiseSignal", "load_reference", "raised_cosine", "rest_to_rest", "sampled_reference"),

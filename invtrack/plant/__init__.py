@@ -1,6 +1,8 @@
 """MuJoCo mechanisms as plants: named inputs, outputs and parameters, what changes in mid-run, and linearization."""
 
 from invtrack.plant.configuration import Configuration
+from invtrack.plant.equilibrium.trim import trim
+from invtrack.plant.equilibrium.trim_point import TrimmedQuantity, TrimPoint
 from invtrack.plant.linearize import linearize
 from invtrack.plant.loading import model_path
 from invtrack.plant.parameters import BodyMass, Change, JointDamping, JointStiffness, Parameter, TendonDamping, TendonStiffness
@@ -17,8 +19,11 @@ __all__ = [
     "Plant",
     "TendonDamping",
     "TendonStiffness",
+    "TrimPoint",
+    "TrimmedQuantity",
     "linearize",
     "model_path",
+    "trim",
     "with_coupling_scaled",
     "with_input_limits",
 ]

@@ -88,7 +88,7 @@ def refuse_constraints(model: mujoco.MjModel, data: mujoco.MjData) -> None:
     """Refuse active constraints, naming the contacts, joints, tendons or equalities."""
     if data.nefc == 0:
         return
-    active = sorted({_constraint_name(model, data, row) for row in range(data.nefc)})
+    active = sorted({constraint_name(model, data, row) for row in range(data.nefc)})
     raise PlantError(
         f"constraints are active at or near the operating point: {listed(active)}. A linear model needs motion free of contacts,"
         " limits, dry friction and equality constraints: disable them in the file or choose an operating point clear of them"
@@ -133,7 +133,8 @@ def refuse_acting(plant: Plant, jacobian: Array, error: Array, rows: list[str]) 
         )
 
 
-def _constraint_name(model: mujoco.MjModel, data: mujoco.MjData, row: int) -> str:
+def constraint_name(model: mujoco.MjModel, data: mujoco.MjData, row: int) -> str:
+    """What messages call the constraint in a row of data.efc_type: "contact of floor and foot", "limit of joint knee"."""
     kind, index = mujoco.mjtConstraint(data.efc_type[row]), int(data.efc_id[row])
     if kind in _CONTACTS:
         first, second = (element_name(model, "geom", int(geom)) for geom in data.contact[index].geom)

@@ -142,7 +142,7 @@ class _Dynamics:
 def _steps(plant: Plant, model: mujoco.MjModel, step: float) -> Array:
     """The smallest perturbation of each state and input, (n + m,): powers of two, so that sums and differences lose no digits."""
     length = min(1.0, float(model.stat.extent))
-    translation = np.array([unit == "m" for unit in _tangent_units(model)])
+    translation = np.array([unit == "m" for unit in tangent_units(model)])
     positions = np.where(translation, length, 1.0)
     act, ctrl = plant.configuration.act, plant.configuration.ctrl
     room = np.full(model.na, np.inf)
@@ -159,7 +159,7 @@ def _steps(plant: Plant, model: mujoco.MjModel, step: float) -> Array:
     return np.asarray(2.0 ** np.floor(np.log2(steps)))
 
 
-def _tangent_units(model: mujoco.MjModel) -> list[str]:
+def tangent_units(model: mujoco.MjModel) -> list[str]:
     """Unit, "m" or "rad", of each of the nv degrees of freedom, whatever units the user calls them by."""
     units = []
     for joint in model.jnt_type:
