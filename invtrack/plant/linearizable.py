@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import mujoco
 import numpy as np
 
@@ -71,16 +73,22 @@ def refuse_saturation(plant: Plant, model: mujoco.MjModel) -> None:
             )
 
 
-def refuse_nonequilibrium(plant: Plant, data: mujoco.MjData, tolerance: float) -> None:
-    """Refuse an operating point whose x' = (qvel, qacc, act_dot) exceeds the tolerance, naming the largest entries."""
+def refuse_nonequilibrium(plant: Plant, data: mujoco.MjData, tolerance: float, parameter_values: Mapping[str, float]) -> None:
+    """Refuse an operating point whose x' = (qvel, qacc, act_dot) exceeds the tolerance, naming the largest entries.
+
+    parameter_values: those that differ from the file, for the call that the message offers.
+    """
     residual, states = np.concatenate([data.qvel, data.qacc, data.act_dot]), plant.coordinates
     offending = [i for i in np.argsort(-np.abs(residual)) if not abs(residual[i]) <= tolerance]
     if offending:
         rates = ", ".join(f"{states.names[i]}: {residual[i]:.6g} {states.units[i]} per s" for i in offending[:5])
+        values = "".join(f", {name}={float(value)!r}" for name, value in parameter_values.items())
         raise PlantError(
             f"the operating point is no equilibrium: its state changes at the rate {rates}"
-            f"{' and more' if len(offending) > 5 else ''} (tolerance {tolerance:g}). Choose the controls and positions that hold it"
-            " (plant.at), or pass allow_nonequilibrium=True for a linear model that omits this rate"
+            f"{' and more' if len(offending) > 5 else ''} (equilibrium_tolerance={tolerance:g}). The plant"
+            f" invtrack.trim(plant{values}).plant is at the equilibrium nearest to it; outputs=, positions= and controls= say what"
+            " holds there. Or pass a larger equilibrium_tolerance, or allow_nonequilibrium=True for a linear model that omits"
+            " this rate"
         )
 
 

@@ -91,9 +91,9 @@ def linearize(
         allow_nonequilibrium: whether the operating point need not be an equilibrium; its rate is then left out.
         parameter_values: named parameters that differ from the file.
 
-    Raises PlantError for an operating point that is no equilibrium (unless allow_nonequilibrium), active constraints, saturated
-    controls, spinning ball or free joints, kinks, dropped states that act on what is kept, and models in which qacc depends on the
-    time step (integrator="discrete").
+    Raises PlantError for an operating point that is no equilibrium (unless allow_nonequilibrium; `trim` finds one), active
+    constraints, saturated controls, spinning ball or free joints, kinks, dropped states that act on what is kept, and models in
+    which qacc depends on the time step (integrator="discrete").
     """
     instance("plant", plant, Plant, expected=A_PLANT, error=PlantError)
     flag("allow_nonequilibrium", allow_nonequilibrium, error=PlantError)
@@ -110,7 +110,7 @@ def linearize(
     data = plant.new_data(model)
     refuse_constraints(model, data)
     if not allow_nonequilibrium:
-        refuse_nonequilibrium(plant, data, equilibrium_tolerance)
+        refuse_nonequilibrium(plant, data, equilibrium_tolerance, parameter_values)
     point, measured = plant.operating_point_in(model), data.sensordata[plant.measurement_addresses]
     with plant.forces(model):
         derivative = differentiate(_Dynamics(plant, model, data), _steps(plant, model, step))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -16,15 +17,15 @@ from invtrack.arrays import Array, as_divisor
 from invtrack.errors import PlantError
 from invtrack.plant.elements import control_limits
 from invtrack.plant.equilibrium.given import Given, position_limits
-from invtrack.plant.linearize import differentiate, tangent_units
+from invtrack.plant.linearize import tangent_units
 from invtrack.plant.plant import Plant
 
 Mask = NDArray[np.bool_]
 
-STEP = 2.0**-13
-"""Perturbation of each scaled unknown for derivatives of smooth forces."""
+STEP = 2.0**-17
+"""Perturbation of each scaled unknown for central differences: they are good to 1e-10, and the steps are Newton's."""
 
-STEP_IN_CONTACT = 2.0**-20
+STEP_IN_CONTACT = 2.0**-21
 """The same where contacts and limits act, whose forces come and go within less than a thousandth of the mechanism's size."""
 
 YIELD = 0.01
@@ -38,6 +39,23 @@ DAMPING = 1e-7
 
 CONTROL_SHARE = 1e-3
 """Weight of a control's or activation's departure in terms of a position's: posture first, then least control."""
+
+NUDGE = 0.2
+"""How far a start is moved aside, in units of the positions."""
+
+GOLDEN_RATIO = (1 + math.sqrt(5)) / 2
+
+TIDY = 1e-9
+"""How near to its start or to a bound an unknown is put there, in its unit, where that costs nothing."""
+
+ROUNDING = 1e-13
+"""A scaled residual that is nothing but rounding."""
+
+HOPELESS = 1e-2
+"""A scaled residual that corrections of the last iterate will not remove."""
+
+ACTS = 1e-9
+"""An unknown acts on an equation where a unit of it changes the equation by more than this, both scaled."""
 
 ROUNDS = 12
 """Most corrections with the last iterate as anchor."""
@@ -78,8 +96,8 @@ class EquilibriumEquations:
     it takes to accelerate as much. So neither the units of the file nor the size of a mechanism matter.
     """
 
-    def __init__(self, plant: Plant, model: mujoco.MjModel, given: Given, *, constraints: bool) -> None:
-        self.plant, self.given, self.constraints = plant, given, constraints
+    def __init__(self, plant: Plant, model: mujoco.MjModel, given: Given, *, tolerance: float, constraints: bool) -> None:
+        self.plant, self.given, self.tolerance, self.constraints = plant, given, tolerance, constraints
         self.model = copy.copy(model)
         self.model.dof_frictionloss[:] = 0
         self.model.tendon_frictionloss[:] = 0
@@ -92,6 +110,8 @@ class EquilibriumEquations:
         self.data.qvel[:] = 0
         self.start = np.concatenate([given.displacement, plant.configuration.act, given.ctrl])
         self.free: Mask = given.free
+        muscles = np.flatnonzero(model.actuator_dyntype == mujoco.mjtDyn.mjDYN_MUSCLE)
+        self.muscles, self.excitations = model.actuator_actadr[muscles], model.actuator_ctrladr[muscles]
         self.is_position = np.arange(len(self.start)) < model.nv
         self.bounds = self._bounds(model)
         self.step = STEP_IN_CONTACT if constraints else STEP
@@ -113,8 +133,11 @@ class EquilibriumEquations:
         data.qpos[:], data.act[:], data.ctrl[:] = qpos, act, ctrl
         data.qacc_warmstart[:] = 0  # so that an evaluation does not depend on the one before it
         mujoco.mj_forward(model, data)
+        rates = np.array(data.act_dot)
+        # Whatever its time constants, which jump there, a muscle is at rest where its activation is its excitation.
+        rates[self.muscles] = ctrl[self.excitations] - act[self.muscles]
         missed = data.sensordata[self.given.output_addresses] - self.given.output_values
-        return np.concatenate([data.qacc, data.act_dot, missed])
+        return np.concatenate([data.qacc, rates, missed])
 
     def plant_at(self, z: Array) -> Plant:
         """The plant at rest where the unknowns put it."""
@@ -132,7 +155,9 @@ class EquilibriumEquations:
         """Its derivative with respect to those of the scaled unknowns that the mask picks."""
         return self._derivative(z, which, self.scales.unknowns) / self.scales.equations[:, None]
 
-    def solve(self, start: Array, free: Mask, *, bounded: bool = True, rows: Mask | None = None) -> Iterate:
+    def solve(
+        self, start: Array, free: Mask, *, bounded: bool = True, rows: Mask | None = None, anchor: Array | None = None
+    ) -> Iterate:
         """The equilibrium nearest to `start` in the unknowns that the mask picks, or the point that comes nearest to one.
 
         Tikhonov regularisation towards the start, weaker and weaker, then towards each iterate in turn, by a bounded trust region
@@ -143,9 +168,11 @@ class EquilibriumEquations:
             free: which of them may change.
             bounded: whether they stay within their bounds.
             rows: which equations count; all unless given.
+            anchor: from where the departure is to be least; from the start unless given.
         """
         limits = zip((-np.inf, np.inf), self.bounds.T, strict=True)
         low, high = (np.where(free & (not bounded), limit, bound) for limit, bound in limits)
+        anchor = np.clip(start if anchor is None else anchor, low, high)
         start = np.clip(start, low, high)
         rows = np.ones(len(self.scales.equations), dtype=bool) if rows is None else rows
         best = Iterate(start, self.residual(start)[rows], 1)
@@ -157,10 +184,11 @@ class EquilibriumEquations:
         evaluations = 1
         current = start
         for weight in (*ANCHORS, *[DAMPING] * ROUNDS):
-            if weight == DAMPING and best.miss == 0:
+            if weight == DAMPING and (best.miss == 0 or best.miss > HOPELESS):
                 break
-            anchor = start if weight in ANCHORS else current
-            found = self._regularised(current, anchor, free, rows, np.maximum(weight * weights, DAMPING), (low, high))
+            found = self._regularised(
+                current, anchor if weight in ANCHORS else current, free, rows, np.maximum(weight * weights, DAMPING), (low, high)
+            )
             evaluations += found.evaluations
             current = found.z
             if weight == DAMPING and found.miss > best.miss / 2:
@@ -168,6 +196,50 @@ class EquilibriumEquations:
                 break
             best = found
         return Iterate(best.z, best.residual, evaluations)
+
+    def search(self, start: Array, free: Mask, *, bounded: bool = True, rows: Mask | None = None) -> Iterate:
+        """What `solve` finds from the start, or from a little aside of it where the start is stationary for an equation.
+
+        A stretched arm does not know which way to bend.
+        """
+        tries = [self.solve(start, free, bounded=bounded, rows=rows)]
+        if tries[0].miss > self.tolerance and self._is_stationary(start, free, rows):
+            for sign in (1, -1):
+                tries.append(self.solve(start + sign * self.aside(free), free, bounded=bounded, rows=rows, anchor=start))
+                if tries[-1].miss <= self.tolerance:
+                    break
+        best = min(tries, key=lambda found: found.miss)
+        return replace(best, evaluations=sum(found.evaluations for found in tries))
+
+    def aside(self, free: Mask) -> Array:
+        """A displacement of the positions in no particular direction."""
+        pattern = np.modf(GOLDEN_RATIO * np.arange(1, len(free) + 1))[0] - 0.5
+        return np.asarray(NUDGE * pattern * self.scales.unknowns * (free & self.is_position))
+
+    def _is_stationary(self, z: Array, free: Mask, rows: Mask | None) -> bool:
+        """Whether an equation is not met at z, and nothing that is free acts on it there."""
+        unmet = np.abs(self.residual(z)) > self.tolerance
+        idle = np.max(np.abs(self.jacobian(z, free)), axis=1, initial=0.0) <= ACTS
+        return bool(np.any(unmet & idle & (True if rows is None else rows)))
+
+    def tidied(self, found: Iterate, free: Mask) -> Iterate:
+        """The same without the rounding in unknowns that need not differ from their start or are at a bound.
+
+        free: which of the unknowns were solved.
+        """
+        near = TIDY * self.scales.unknowns
+        z = np.array(found.z)
+        for target in (self.start, *self.bounds.T):
+            z = np.where(free & (np.abs(z - target) <= near), target, z)
+        rest = free & (z == found.z)
+        allowed = max(2 * found.miss, ROUNDING)
+        tidy = Iterate(z, self.residual(z), 1)
+        if tidy.miss > allowed and np.any(rest):
+            low, high = self.bounds.T
+            rows = np.ones(len(self.scales.equations), dtype=bool)
+            tidy = self._regularised(z, z, rest, rows, np.full(np.sum(rest), DAMPING), (low, high))
+        kept = tidy if tidy.miss <= allowed else found
+        return Iterate(kept.z, kept.residual, found.evaluations + tidy.evaluations)
 
     def _regularised(
         self, start: Array, anchor: Array, free: Mask, rows: Mask, weights: Array, bounds: tuple[Array, Array]
@@ -198,11 +270,11 @@ class EquilibriumEquations:
             start[free] / units,
             jac=derivative,
             bounds=tuple(bound[free] / units for bound in bounds),
-            method="dogbox",
-            ftol=1e-14,
+            method="trf",
+            ftol=1e-8,
             xtol=1e-14,
-            gtol=1e-15,
-            max_nfev=200,
+            gtol=1e-13,
+            max_nfev=50,
         )
         z = full(found.x)
         return Iterate(z, self.residual(z)[rows], int(found.nfev))
@@ -210,15 +282,13 @@ class EquilibriumEquations:
     def _derivative(self, z: Array, which: Mask, units: Array) -> Array:
         """Columns of the derivative of `values` with respect to those unknowns, each measured in its unit."""
         columns = np.flatnonzero(which)
-
-        def function(steps: Array) -> Array:
-            moved = np.array(z)
-            moved[columns] += steps * units[columns]
-            return self.values(moved)
-
-        if not len(columns):
-            return np.empty((len(self.values(z)), 0))
-        return differentiate(function, np.full(len(columns), self.step)).jacobian
+        derivative = np.empty((len(self.values(z)), len(columns)))
+        for i, column in enumerate(columns):
+            ahead, behind = np.array(z), np.array(z)
+            ahead[column] += self.step * units[column]
+            behind[column] -= self.step * units[column]
+            derivative[:, i] = (self.values(ahead) - self.values(behind)) / (2 * self.step)
+        return derivative
 
     def _scales(self) -> Scales:
         model = self.model
@@ -267,4 +337,6 @@ class EquilibriumEquations:
         for i in np.flatnonzero(model.actuator_actlimited):
             where = slice(model.actuator_actadr[i], model.actuator_actadr[i] + model.actuator_actnum[i])
             activations[where] = model.actuator_actrange[i]
-        return np.vstack([positions - present[:, None], activations, control_limits(model, np.arange(model.nu))])
+        controls = control_limits(model, np.arange(model.nu))
+        controls[self.excitations] = np.clip(controls[self.excitations], 0.0, 1.0)  # beyond, MuJoCo clamps them
+        return np.vstack([positions - present[:, None], activations, controls])

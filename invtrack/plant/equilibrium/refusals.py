@@ -9,61 +9,56 @@ import numpy as np
 from invtrack.arrays import Array
 from invtrack.errors import PlantError
 from invtrack.plant.elements import listed
-from invtrack.plant.equilibrium.equations import EquilibriumEquations, Iterate, Mask
-
-ACTS = 1e-9
-"""An unknown acts on an equation where a unit of it changes the equation by more than this, both scaled."""
+from invtrack.plant.equilibrium.equations import ACTS, EquilibriumEquations, Iterate, Mask
 
 SHOWN = 6
 """How many quantities a message names at most."""
 
 
-def no_equilibrium(equations: EquilibriumEquations, found: Iterate, tolerance: float, touching: Sequence[str]) -> PlantError:
+def no_equilibrium(equations: EquilibriumEquations, found: Iterate, touching: Sequence[str]) -> PlantError:
     """The error that says why the search failed.
 
     Args:
         equations: without contacts and limits.
         found: what they were solved to, an equilibrium or the point nearest to one.
-        tolerance: the largest residual of an equilibrium.
         touching: contacts and limits that bear load at `found`.
     """
     name = equations.plant.name
-    if found.miss <= tolerance:
+    if found.miss <= equations.tolerance:
         return PlantError(
             f"plant {name!r} has an equilibrium only where {listed(touching)} pushes it away; start from a configuration clear of"
             " that (plant.at), or give other outputs or positions"
         )
     with equations.forces():
         reason = (
-            _outputs_out_of_reach(equations, tolerance)
-            or _held_controls(equations, found, tolerance)
-            or _beyond_range(equations, found, tolerance)
+            _outputs_out_of_reach(equations)
+            or _held_controls(equations, found)
+            or _beyond_range(equations, found)
             or _what_is_left(equations, found)
         )
     return PlantError(f"plant {name!r} has no such equilibrium: {reason}")
 
 
-def _outputs_out_of_reach(equations: EquilibriumEquations, tolerance: float) -> str:
+def _outputs_out_of_reach(equations: EquilibriumEquations) -> str:
     """Outputs that cannot be had at all, whatever the forces; "" where they can."""
     outputs, values = equations.given.outputs, equations.given.output_values
     rows = np.arange(len(equations.scales.equations)) >= len(equations.scales.equations) - len(outputs)
-    together = equations.solve(equations.start, equations.free, rows=rows)
-    if together.miss <= tolerance:
+    together = equations.search(equations.start, equations.free, rows=rows)
+    if together.miss <= equations.tolerance:
         return ""
     wanted = _phrases(outputs.names, outputs.units, values)
-    unbounded = equations.solve(equations.start, equations.free, rows=rows, bounded=False)
-    if unbounded.miss <= tolerance:
-        return f"{listed(wanted)} would take {_beyond(equations, unbounded.z)}. Give outputs within reach, or widen the range"
+    if np.any(np.isfinite(equations.bounds[equations.free])):
+        unbounded = equations.search(equations.start, equations.free, rows=rows, bounded=False)
+        if unbounded.miss <= equations.tolerance:
+            return f"{listed(wanted)} would take {_beyond(equations, unbounded.z)}. Give outputs within reach, or widen the range"
     reasons = []
     for i, row in enumerate(np.flatnonzero(rows)):
         only = np.arange(len(rows)) == row
-        alone = equations.solve(equations.start, equations.free, rows=only)
-        if alone.miss > tolerance:
+        alone = equations.search(equations.start, equations.free, rows=only) if len(wanted) > 1 else together
+        if alone.miss > equations.tolerance:
             (closest,) = _phrases([outputs.names[i]], [outputs.units[i]], values[[i]] + equations.values(alone.z)[only])
-            action = max(
-                np.max(np.abs(equations.jacobian(z, equations.free)[row]), initial=0.0) for z in (equations.start, alone.z)
-            )
-            if action > ACTS:
+            points = (equations.start, alone.z, equations.start + equations.aside(equations.free))  # it may be stationary at some
+            if any(np.any(np.abs(equations.jacobian(z, equations.free)[row]) > ACTS) for z in points):
                 reasons.append(f"{wanted[i]} is out of reach, the nearest is {closest}")
             else:
                 reasons.append(f"nothing that is free acts on {closest} at rest, and {values[i]:g} is asked for")
@@ -73,19 +68,19 @@ def _outputs_out_of_reach(equations: EquilibriumEquations, tolerance: float) -> 
     return f"the outputs {listed(wanted)} cannot hold together, the nearest are {listed(nearest)}. Give fewer of them"
 
 
-def _held_controls(equations: EquilibriumEquations, found: Iterate, tolerance: float) -> str:
+def _held_controls(equations: EquilibriumEquations, found: Iterate) -> str:
     """Actuators that are no inputs and would have to change their control; "" where that does not help."""
     held = equations.given.held
     if not np.any(held):
         return ""
     free = equations.free | held
-    solved = equations.solve(equations.start, free & ~equations.is_position)
-    if solved.miss > tolerance:
-        solved = equations.solve(found.z, free)
-    if solved.miss > tolerance:
+    solved = equations.search(equations.start, free & ~equations.is_position)
+    if solved.miss > equations.tolerance:
+        solved = equations.search(found.z, free)
+    if solved.miss > equations.tolerance:
         return ""
     units = equations.scales.unknowns
-    changed = held & (np.abs(solved.z - equations.start) > tolerance * units)
+    changed = held & (np.abs(solved.z - equations.start) > equations.tolerance * units)
     names = [name for name, moved in zip(equations.given.unknowns.names, changed, strict=True) if moved]
     return (
         f"actuators that are no inputs hold their controls, and it would take {_named(equations, changed, solved.z)}. Add"
@@ -93,16 +88,16 @@ def _held_controls(equations: EquilibriumEquations, found: Iterate, tolerance: f
     )
 
 
-def _beyond_range(equations: EquilibriumEquations, found: Iterate, tolerance: float) -> str:
+def _beyond_range(equations: EquilibriumEquations, found: Iterate) -> str:
     """Controls, activations and joints that would have to leave their range; "" where that does not help either."""
     for start, free in (
         (equations.start, equations.free & ~equations.is_position),
         (found.z, equations.free & ~equations.is_position),
         (found.z, equations.free),
     ):
-        solved = equations.solve(start, free, bounded=False)
+        solved = equations.search(start, free, bounded=False)
         beyond = _beyond(equations, solved.z)
-        if solved.miss <= tolerance and beyond:
+        if solved.miss <= equations.tolerance and beyond:
             return f"it would take {beyond}. Widen the range, or give other outputs or positions"
     return ""
 
@@ -139,9 +134,13 @@ def _named(equations: EquilibriumEquations, which: Mask, z: Array) -> str:
     for i in np.flatnonzero(which)[:SHOWN]:
         low, high = equations.bounds[i] + offset[i]
         span = f" (range [{low:g}, {high:g}])" if np.isfinite(low) or np.isfinite(high) else ""
-        texts.append(f"{given.names[i]} = {readings[i]:.6g} {given.units[i]}{span}")
+        texts.append(f"{given.names[i]} = {readings[i]:.6g}{_suffix(given.units[i])}{span}")
     return listed(texts)
 
 
 def _phrases(names: Iterable[str], units: Iterable[str], values: Array) -> list[str]:
-    return [f"{name} = {value:.6g} {unit}" for name, unit, value in zip(names, units, values.tolist(), strict=True)]
+    return [f"{name} = {value:.6g}{_suffix(unit)}" for name, unit, value in zip(names, units, values.tolist(), strict=True)]
+
+
+def _suffix(unit: str) -> str:
+    return "" if unit in ("", "1") else f" {unit}"

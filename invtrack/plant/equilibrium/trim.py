@@ -22,13 +22,16 @@ from invtrack.plant.plant import A_PLANT, Plant
 
 _OPTIONS = {"plant", "outputs", "positions", "controls", "free", "tolerance"}
 
-_LOADS = (
-    mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT,
-    mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON,
-    mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS,
-    mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL,
-    mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC,
-)
+_LOADS = [
+    int(kind)
+    for kind in (
+        mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT,
+        mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON,
+        mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS,
+        mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL,
+        mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC,
+    )
+]
 """Constraints that hold a mechanism only while they touch it."""
 
 RANK_TOLERANCE = 1e-8
@@ -96,40 +99,41 @@ def trim(
 
 def _search(plant: Plant, model: mujoco.MjModel, given: Given, tolerance: float) -> tuple[EquilibriumEquations, Iterate]:
     """The equilibrium without contacts and limits; with them, where that does not exist or touches one."""
-    smooth = EquilibriumEquations(plant, model, given, constraints=False)
-    found = _nearest(smooth, smooth.start, tolerance)
+    smooth = EquilibriumEquations(plant, model, given, tolerance=tolerance, constraints=False)
+    found = _nearest(smooth, smooth.start)
     touching = _bearing(smooth.plant_at(found.z), model)
     if found.miss <= tolerance and not touching:
         return smooth, found
-    rigid = EquilibriumEquations(plant, model, given, constraints=True)
-    for start in (rigid.start, found.z):
-        if _bearing(rigid.plant_at(start), model):
-            held = _nearest(rigid, start, tolerance)
-            if held.miss <= tolerance:
-                return rigid, held
-    raise no_equilibrium(smooth, found, tolerance, touching)
+    rigid = EquilibriumEquations(plant, model, given, tolerance=tolerance, constraints=True)
+    at_stop = np.any(smooth.free & smooth.is_position & np.any(found.z[:, None] == smooth.bounds, axis=1))
+    starts = [rigid.start] if _bearing(rigid.plant_at(rigid.start), model) else []
+    for start in [*starts, *([found.z] if touching or at_stop else [])]:
+        held = _nearest(rigid, start)
+        if held.miss <= tolerance:
+            return rigid, held
+    raise no_equilibrium(smooth, found, touching)
 
 
-def _nearest(equations: EquilibriumEquations, start: Array, tolerance: float) -> Iterate:
+def _nearest(equations: EquilibriumEquations, start: Array) -> Iterate:
     """The equilibrium in the posture of `start`, if there is one, else in the nearest; with the least controls in it."""
     inputs = equations.free & ~equations.is_position
     with equations.forces():
         here = equations.solve(start, inputs)
-        if here.miss <= tolerance:
-            return here
-        moved = equations.solve(start, equations.free)
+        if here.miss <= equations.tolerance:
+            return equations.tidied(here, inputs)
+        moved = equations.search(start, equations.free)
         evaluations = here.evaluations + moved.evaluations
-        if moved.miss <= tolerance:
-            settled = equations.solve(np.where(equations.is_position, moved.z, equations.start), inputs)
+        if moved.miss <= equations.tolerance:
+            settled = equations.solve(np.where(equations.is_position, moved.z, start), inputs)
             evaluations += settled.evaluations
-            moved = settled if settled.miss <= tolerance else moved
+            moved = equations.tidied(settled if settled.miss <= equations.tolerance else moved, equations.free)
         return replace(moved, evaluations=evaluations)
 
 
 def _bearing(plant: Plant, model: mujoco.MjModel) -> tuple[str, ...]:
     """Contacts and limits that bear load at the plant's operating point."""
     data = plant.new_data(model)
-    rows = [row for row in range(data.nefc) if data.efc_type[row] in _LOADS and data.efc_force[row] != 0]
+    rows = np.flatnonzero(np.isin(data.efc_type, _LOADS) & (data.efc_force != 0)).tolist()
     return tuple(sorted({constraint_name(model, data, row) for row in rows}))
 
 
