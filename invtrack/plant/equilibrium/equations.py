@@ -37,7 +37,7 @@ ANCHORS = (1e-1, 1e-3, 1e-5)
 DAMPING = 1e-7
 """Weight of the departure from the last iterate, once the equilibrium is near: what does not matter does not move."""
 
-CONTROL_SHARE = 1e-3
+CONTROL_SHARE = 1e-4
 """Weight of a control's or activation's departure in terms of a position's: posture first, then least control."""
 
 NUDGE = 0.2
@@ -45,8 +45,14 @@ NUDGE = 0.2
 
 GOLDEN_RATIO = (1 + math.sqrt(5)) / 2
 
+INSIDE = 0.05
+"""How far from its bounds a search begins, in units of the unknown or of its range."""
+
+RESOLVED = 1e-6
+"""How near to a bound an unknown counts as held by it, in its unit."""
+
 TIDY = 1e-9
-"""How near to its start or to a bound an unknown is put there, in its unit, where that costs nothing."""
+"""How near to its start an unknown is put there, in its unit, where that costs nothing."""
 
 ROUNDING = 1e-13
 """A scaled residual that is nothing but rounding."""
@@ -180,15 +186,17 @@ class EquilibriumEquations:
             raise PlantError(f"accelerations of plant {self.plant.name!r} are not finite at its configuration; check its masses")
         if not np.any(free):
             return best
-        weights = np.where(self.is_position, 1.0, CONTROL_SHARE)[free]
+        share = CONTROL_SHARE if np.any(free & self.is_position) else 1.0
+        weights = np.where(self.is_position, 1.0, share)[free]
         evaluations = 1
         current = start
         for weight in (*ANCHORS, *[DAMPING] * ROUNDS):
             if weight == DAMPING and (best.miss == 0 or best.miss > HOPELESS):
                 break
-            found = self._regularised(
-                current, anchor if weight in ANCHORS else current, free, rows, np.maximum(weight * weights, DAMPING), (low, high)
-            )
+            if weight == DAMPING:
+                found = self._regularised(current, current, free, rows, np.full(len(weights), DAMPING), (low, high))
+            else:
+                found = self._regularised(self._inside(current, low, high), anchor, free, rows, weight * weights, (low, high))
             evaluations += found.evaluations
             current = found.z
             if weight == DAMPING and found.miss > best.miss / 2:
@@ -196,6 +204,17 @@ class EquilibriumEquations:
                 break
             best = found
         return Iterate(best.z, best.residual, evaluations)
+
+    def at_bounds(self, z: Array) -> Mask:
+        """Which of the free unknowns are at one of their bounds, to within what a search resolves."""
+        return np.asarray(self.free & np.any(np.abs(z[:, None] - self.bounds) <= RESOLVED * self.scales.unknowns[:, None], axis=1))
+
+    def _inside(self, z: Array, low: Array, high: Array) -> Array:
+        """The same a little off its bounds, where the steps of the trust region would be short."""
+        room = INSIDE * np.minimum(high - low, self.scales.unknowns)
+        if self.constraints:  # off its stops nothing holds the mechanism
+            room[self.is_position] = 0
+        return np.clip(z, low + room, high - room)
 
     def search(self, start: Array, free: Mask, *, bounded: bool = True, rows: Mask | None = None) -> Iterate:
         """What `solve` finds from the start, or from a little aside of it where the start is stationary for an equation.
@@ -227,10 +246,9 @@ class EquilibriumEquations:
 
         free: which of the unknowns were solved.
         """
-        near = TIDY * self.scales.unknowns
         z = np.array(found.z)
-        for target in (self.start, *self.bounds.T):
-            z = np.where(free & (np.abs(z - target) <= near), target, z)
+        for target, near in ((self.start, TIDY), *((bound, RESOLVED) for bound in self.bounds.T)):
+            z = np.where(free & (np.abs(z - target) <= near * self.scales.unknowns), target, z)
         rest = free & (z == found.z)
         allowed = max(2 * found.miss, ROUNDING)
         tidy = Iterate(z, self.residual(z), 1)
@@ -273,7 +291,7 @@ class EquilibriumEquations:
             method="trf",
             ftol=1e-8,
             xtol=1e-14,
-            gtol=1e-13,
+            gtol=1e-15,
             max_nfev=50,
         )
         z = full(found.x)
@@ -331,7 +349,7 @@ class EquilibriumEquations:
             positions = positions + np.where(np.isfinite(room), room, 0.0)[:, None] * [-1, 1]
         present = np.zeros(model.nv)
         for joint in range(model.njnt):
-            if model.jnt_type[joint] in (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE):
+            if mujoco.mjtJoint(model.jnt_type[joint]) in (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE):
                 present[model.jnt_dofadr[joint]] = self.given.qpos[model.jnt_qposadr[joint]]
         activations = np.tile([-np.inf, np.inf], (model.na, 1))
         for i in np.flatnonzero(model.actuator_actlimited):

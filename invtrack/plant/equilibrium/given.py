@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import mujoco
 import numpy as np
@@ -29,6 +30,14 @@ _TRANSLATIONS = {mujoco.mjtJoint.mjJNT_BALL: 0, mujoco.mjtJoint.mjJNT_FREE: 3}
 """How many of its coordinates stand in qpos as they are; all of a slide or hinge."""
 
 
+class Unknown(NamedTuple):
+    """One unknown of an equilibrium; a joint and its actuator may share a name."""
+
+    kind: Literal["position", "activation", "control"]
+    name: str
+    unit: str
+
+
 @dataclass(frozen=True, eq=False)
 class Given:
     """What an equilibrium has to meet, and from where the rest is solved.
@@ -36,7 +45,7 @@ class Given:
     Unknowns are the nv positions (as displacements in tangent space), na activations and nu controls, in this order.
 
     Args:
-        unknowns: their names and units.
+        unknowns: what each is called.
         free: which of them are solved.
         held: which controls are neither given nor solved: those of actuators that are no inputs.
         qpos: the present positions with those that are given (nq,), from where displacements are measured.
@@ -46,7 +55,7 @@ class Given:
         output_addresses, output_values: where these stand in data.sensordata, and what they are to be.
     """
 
-    unknowns: Channels
+    unknowns: tuple[Unknown, ...]
     free: Mask
     held: Mask
     qpos: Array
@@ -97,11 +106,15 @@ def given_of(
     channels, addresses, values = _outputs(plant, outputs)
     qpos, displacement, fixed = _positions(plant, model, positions)
     ctrl, given, solved = _controls(plant, model, controls, free)
-    coordinates, controls_ = plant.coordinates, control_channels(model)
-    kept = np.r_[0 : model.nv, 2 * model.nv : len(coordinates)]
-    names = [coordinates.names[i] for i in kept]
+    coordinates, nv = plant.coordinates, model.nv
+    named = list(zip(coordinates.names, coordinates.units, strict=True))
+    unknowns = [
+        *(Unknown("position", *each) for each in named[:nv]),
+        *(Unknown("activation", *each) for each in named[2 * nv :]),
+        *(Unknown("control", *each) for each in _controls_named(model)),
+    ]
     return Given(
-        unknowns=Channels([*names, *controls_.names], [*(coordinates.units[i] for i in kept), *controls_.units]),
+        unknowns=tuple(unknowns),
         free=np.concatenate([~fixed, np.ones(model.na, dtype=bool), solved]),
         held=np.concatenate([np.zeros(model.nv + model.na, dtype=bool), ~given & ~solved]),
         qpos=qpos,
@@ -113,18 +126,15 @@ def given_of(
     )
 
 
-def control_channels(model: mujoco.MjModel) -> Channels:
-    """All nu controls in the order of data.ctrl: "NAME" of the actuator, or "NAME[1]" where it has several."""
+def _controls_named(model: mujoco.MjModel) -> list[tuple[str, str]]:
+    """Name and unit of all nu controls in the order of data.ctrl: "NAME" of the actuator, "NAME[1]" where it has several."""
     named = {}
     for actuator in range(model.nactuator):
-        name, first, count = (
-            element_name(model, "actuator", actuator),
-            int(model.actuator_ctrladr[actuator]),
-            int(model.actuator_ctrlnum[actuator]),
-        )
+        name, unit = element_name(model, "actuator", actuator), control_unit(model, actuator)
+        first, count = int(model.actuator_ctrladr[actuator]), int(model.actuator_ctrlnum[actuator])
         for i in range(count):
-            named[first + i] = (name if count == 1 else f"{name}[{i}]", control_unit(model, actuator))
-    return Channels([named[i][0] for i in range(model.nu)], [named[i][1] for i in range(model.nu)])
+            named[first + i] = (name if count == 1 else f"{name}[{i}]", unit)
+    return [named[i] for i in range(model.nu)]
 
 
 def _outputs(plant: Plant, outputs: Values | ArrayLike) -> tuple[Channels, Indices, Array]:
@@ -205,7 +215,7 @@ def _controls(plant: Plant, model: mujoco.MjModel, controls: Values | ArrayLike,
     """The controls (nu,), which of them are given, and which are solved."""
     values = _by_name("controls", controls, plant.inputs)
     free = texts("free", free, expected="a list of names of actuators", error=PlantError)
-    found = {name: i for i, name in enumerate(control_channels(model).names)}
+    found = {name: i for i, (name, _) in enumerate(_controls_named(model))}
     found |= dict(zip(plant.inputs.names, plant.input_addresses.tolist(), strict=True))
     _require_known("controls", values, found)
     _require_known("free", free, found)

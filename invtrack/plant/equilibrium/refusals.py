@@ -81,7 +81,7 @@ def _held_controls(equations: EquilibriumEquations, found: Iterate) -> str:
         return ""
     units = equations.scales.unknowns
     changed = held & (np.abs(solved.z - equations.start) > equations.tolerance * units)
-    names = [name for name, moved in zip(equations.given.unknowns.names, changed, strict=True) if moved]
+    names = [unknown.name for unknown, moved in zip(equations.given.unknowns, changed, strict=True) if moved]
     return (
         f"actuators that are no inputs hold their controls, and it would take {_named(equations, changed, solved.z)}. Add"
         f" free={names} to solve for them, too, or set them by plant.at(ctrl=...)"
@@ -126,16 +126,16 @@ def _beyond(equations: EquilibriumEquations, z: Array) -> str:
 
 
 def _named(equations: EquilibriumEquations, which: Mask, z: Array) -> str:
-    """The unknowns that the mask picks: name, value, unit and, where they have one, range."""
-    given = equations.given.unknowns
+    """The unknowns that the mask picks: kind, name, value, unit and range; "" for none."""
+    unknowns = equations.given.unknowns
     readings = equations.given.readings(equations.plant, equations.plant_at(z))
     offset = readings - z
     texts = []
     for i in np.flatnonzero(which)[:SHOWN]:
         low, high = equations.bounds[i] + offset[i]
         span = f" (range [{low:g}, {high:g}])" if np.isfinite(low) or np.isfinite(high) else ""
-        texts.append(f"{given.names[i]} = {readings[i]:.6g}{_suffix(given.units[i])}{span}")
-    return listed(texts)
+        texts.append(f"{unknowns[i].kind} {unknowns[i].name} = {readings[i]:.6g}{_suffix(unknowns[i].unit)}{span}")
+    return ", ".join(texts)
 
 
 def _phrases(names: Iterable[str], units: Iterable[str], values: Array) -> list[str]:

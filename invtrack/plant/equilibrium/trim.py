@@ -16,7 +16,7 @@ from invtrack.errors import PlantError
 from invtrack.plant.equilibrium.equations import EquilibriumEquations, Iterate
 from invtrack.plant.equilibrium.given import Given, Positions, Values, given_of
 from invtrack.plant.equilibrium.refusals import no_equilibrium
-from invtrack.plant.equilibrium.trim_point import Kind, TrimmedQuantity, TrimPoint
+from invtrack.plant.equilibrium.trim_point import TrimmedQuantity, TrimPoint
 from invtrack.plant.linearizable import constraint_name
 from invtrack.plant.plant import A_PLANT, Plant
 
@@ -105,7 +105,7 @@ def _search(plant: Plant, model: mujoco.MjModel, given: Given, tolerance: float)
     if found.miss <= tolerance and not touching:
         return smooth, found
     rigid = EquilibriumEquations(plant, model, given, tolerance=tolerance, constraints=True)
-    at_stop = np.any(smooth.free & smooth.is_position & np.any(found.z[:, None] == smooth.bounds, axis=1))
+    at_stop = np.any(smooth.at_bounds(found.z) & smooth.is_position)
     starts = [rigid.start] if _bearing(rigid.plant_at(rigid.start), model) else []
     for start in [*starts, *([found.z] if touching or at_stop else [])]:
         held = _nearest(rigid, start)
@@ -147,7 +147,7 @@ def _point(equations: EquilibriumEquations, found: Iterate, model: mujoco.MjMode
     rates = np.concatenate([data.qacc, data.act_dot])
     quantities = _quantities(equations, plant, data)
     names = [quantity.name for quantity in quantities if quantity.kind != "output"]
-    free_ends = equations.free & ~equations.is_position & np.any(found.z[:, None] == equations.bounds, axis=1)
+    at_limits = equations.at_bounds(found.z) & ~equations.is_position
     return TrimPoint(
         plant=plant,
         parameters=MappingProxyType(parameters),
@@ -157,13 +157,13 @@ def _point(equations: EquilibriumEquations, found: Iterate, model: mujoco.MjMode
         evaluations=found.evaluations,
         open_directions=int(np.sum(equations.free)) - rank,
         held_by=_bearing(plant, model),
-        at_limits=tuple(names[i] for i in np.flatnonzero(free_ends)),
+        at_limits=tuple(names[i] for i in np.flatnonzero(at_limits)),
     )
 
 
 def _quantities(equations: EquilibriumEquations, plant: Plant, data: mujoco.MjData) -> list[TrimmedQuantity]:
     """The outputs, and all unknowns in their order."""
-    given, model = equations.given, plant.model
+    given = equations.given
     outputs = dict(zip(plant.outputs.names, zip(plant.outputs.units, plant.output_addresses, strict=True), strict=True))
     outputs |= dict(zip(given.outputs.names, zip(given.outputs.units, given.output_addresses, strict=True), strict=True))
     quantities = [
@@ -172,6 +172,5 @@ def _quantities(equations: EquilibriumEquations, plant: Plant, data: mujoco.MjDa
     ]
     origins = np.where(equations.free, "solved", np.where(given.held, "held", "given")).tolist()
     values = given.readings(equations.plant, plant).tolist()
-    counts: dict[Kind, int] = {"position": model.nv, "activation": model.na, "control": model.nu}
-    kinds = [kind for kind, count in counts.items() for _ in range(count)]
-    return [*quantities, *map(TrimmedQuantity, kinds, given.unknowns.names, given.unknowns.units, values, origins)]
+    quantities += [TrimmedQuantity(*unknown, *rest) for unknown, *rest in zip(given.unknowns, values, origins, strict=True)]
+    return quantities
