@@ -51,6 +51,8 @@ class Given:
         qpos: the present positions with those that are given (nq,), from where displacements are measured.
         displacement: rotations that are given as a displacement, 0 elsewhere (nv,).
         ctrl: the present controls with those that are given (nu,).
+        position_limits: range of the position of each degree of freedom (nv, 2).
+        control_limits: range of each control that its actuator passes on (nu, 2).
         outputs: the outputs that are given.
         output_addresses, output_values: where these stand in data.sensordata, and what they are to be.
     """
@@ -61,6 +63,8 @@ class Given:
     qpos: Array
     displacement: Array
     ctrl: Array
+    position_limits: Array
+    control_limits: Array
     outputs: Channels
     output_addresses: Indices
     output_values: Array
@@ -120,6 +124,8 @@ def given_of(
         qpos=qpos,
         displacement=displacement,
         ctrl=ctrl,
+        position_limits=_position_limits(model),
+        control_limits=control_limits(model, np.arange(model.nu)),
         outputs=channels,
         output_addresses=addresses,
         output_values=values,
@@ -192,7 +198,7 @@ def _single(model: mujoco.MjModel, dof: int, name: str, value: float, qpos: Arra
     if within >= _TRANSLATIONS.get(mujoco.mjtJoint(model.jnt_type[joint]), 1):  # a rotation has no coordinate of its own in qpos
         displacement[dof] = value
         return
-    low, high = position_limits(model)[dof]
+    low, high = _position_limits(model)[dof]
     if not low <= value <= high:
         raise PlantError(
             f"position {name!r} is given as {value:g}, beyond the joint's range [{low:g}, {high:g}]; give one within it"
@@ -200,7 +206,7 @@ def _single(model: mujoco.MjModel, dof: int, name: str, value: float, qpos: Arra
     qpos[int(model.jnt_qposadr[joint]) + within] = value
 
 
-def position_limits(model: mujoco.MjModel) -> Array:
+def _position_limits(model: mujoco.MjModel) -> Array:
     """Range of the position of each degree of freedom, (nv, 2); infinite where it has none, and for ball and free joints."""
     limits = np.tile([-np.inf, np.inf], (model.nv, 1))
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_LIMIT:

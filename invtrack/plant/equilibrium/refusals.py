@@ -7,57 +7,57 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from invtrack.arrays import Array
-from invtrack.errors import PlantError
 from invtrack.plant.elements import listed
-from invtrack.plant.equilibrium.equations import ACTS, EquilibriumEquations, Iterate, Mask
+from invtrack.plant.equilibrium.equations import EquilibriumEquations
+from invtrack.plant.equilibrium.given import Mask
+from invtrack.plant.equilibrium.search import ACTS, EquilibriumSearch, Iterate
 
 SHOWN = 6
 """How many quantities a message names at most."""
 
 
-def no_equilibrium(equations: EquilibriumEquations, found: Iterate, touching: Sequence[str]) -> PlantError:
-    """The error that says why the search failed.
+def why_not(search: EquilibriumSearch, found: Iterate, touching: Sequence[str]) -> str:
+    """The predicate of a sentence about the plant: why it has no equilibrium, and what would help.
 
     Args:
-        equations: without contacts and limits.
+        search: of the equations without contacts and limits, within their `forces`.
         found: what they were solved to, an equilibrium or the point nearest to one.
         touching: contacts and limits that bear load at `found`.
     """
-    name = equations.plant.name
-    if found.miss <= equations.tolerance:
-        return PlantError(
-            f"plant {name!r} has an equilibrium only where {listed(touching)} pushes it away; start from a configuration clear of"
-            " that (plant.at), or give other outputs or positions"
+    if search.found(found):
+        return (
+            f"has an equilibrium only where {listed(touching)} pushes it away; start from a configuration clear of that"
+            " (plant.at), or give other outputs or positions"
         )
-    with equations.forces():
-        reason = (
-            _outputs_out_of_reach(equations)
-            or _held_controls(equations, found)
-            or _beyond_range(equations, found)
-            or _what_is_left(equations, found)
-        )
-    return PlantError(f"plant {name!r} has no such equilibrium: {reason}")
+    reason = (
+        _outputs_out_of_reach(search)
+        or _held_controls(search, found)
+        or _beyond_range(search, found)
+        or _what_is_left(search, found)
+    )
+    return f"has no such equilibrium: {reason}"
 
 
-def _outputs_out_of_reach(equations: EquilibriumEquations) -> str:
+def _outputs_out_of_reach(search: EquilibriumSearch) -> str:
     """Outputs that cannot be had at all, whatever the forces; "" where they can."""
+    equations = search.equations
     outputs, values = equations.given.outputs, equations.given.output_values
-    rows = np.arange(len(equations.scales.equations)) >= len(equations.scales.equations) - len(outputs)
-    together = equations.search(equations.start, equations.free, rows=rows)
-    if together.miss <= equations.tolerance:
+    rows = np.arange(len(equations.scales)) >= len(equations.scales) - len(outputs)
+    together = search.solve(equations.start, equations.free, rows=rows)
+    if search.found(together):
         return ""
     wanted = _phrases(outputs.names, outputs.units, values)
     if np.any(np.isfinite(equations.bounds[equations.free])):
-        unbounded = equations.search(equations.start, equations.free, rows=rows, bounded=False)
-        if unbounded.miss <= equations.tolerance:
+        unbounded = search.solve(equations.start, equations.free, rows=rows, bounded=False)
+        if search.found(unbounded):
             return f"{listed(wanted)} would take {_beyond(equations, unbounded.z)}. Give outputs within reach, or widen the range"
     reasons = []
     for i, row in enumerate(np.flatnonzero(rows)):
         only = np.arange(len(rows)) == row
-        alone = equations.search(equations.start, equations.free, rows=only) if len(wanted) > 1 else together
-        if alone.miss > equations.tolerance:
+        alone = search.solve(equations.start, equations.free, rows=only) if len(wanted) > 1 else together
+        if not search.found(alone):
             (closest,) = _phrases([outputs.names[i]], [outputs.units[i]], values[[i]] + equations.values(alone.z)[only])
-            points = (equations.start, alone.z, equations.start + equations.aside(equations.free))  # it may be stationary at some
+            points = (equations.start, alone.z, equations.start + search.aside(equations.free))  # it may be stationary at some
             if any(np.any(np.abs(equations.jacobian(z, equations.free)[row]) > ACTS) for z in points):
                 reasons.append(f"{wanted[i]} is out of reach, the nearest is {closest}")
             else:
@@ -68,19 +68,20 @@ def _outputs_out_of_reach(equations: EquilibriumEquations) -> str:
     return f"the outputs {listed(wanted)} cannot hold together, the nearest are {listed(nearest)}. Give fewer of them"
 
 
-def _held_controls(equations: EquilibriumEquations, found: Iterate) -> str:
+def _held_controls(search: EquilibriumSearch, found: Iterate) -> str:
     """Actuators that are no inputs and would have to change their control; "" where that does not help."""
+    equations = search.equations
     held = equations.given.held
     if not np.any(held):
         return ""
     free = equations.free | held
-    solved = equations.search(equations.start, free & ~equations.is_position)
-    if solved.miss > equations.tolerance:
-        solved = equations.search(found.z, free)
-    if solved.miss > equations.tolerance:
+    solved = search.solve(equations.start, free & ~equations.is_position)
+    if not search.found(solved):
+        solved = search.solve(found.z, free)
+    if not search.found(solved):
         return ""
-    units = equations.scales.unknowns
-    changed = held & (np.abs(solved.z - equations.start) > equations.tolerance * units)
+    units = equations.units
+    changed = held & (np.abs(solved.z - equations.start) > search.tolerance * units)
     names = [unknown.name for unknown, moved in zip(equations.given.unknowns, changed, strict=True) if moved]
     return (
         f"actuators that are no inputs hold their controls, and it would take {_named(equations, changed, solved.z)}. Add"
@@ -88,22 +89,24 @@ def _held_controls(equations: EquilibriumEquations, found: Iterate) -> str:
     )
 
 
-def _beyond_range(equations: EquilibriumEquations, found: Iterate) -> str:
+def _beyond_range(search: EquilibriumSearch, found: Iterate) -> str:
     """Controls, activations and joints that would have to leave their range; "" where that does not help either."""
+    equations = search.equations
     for start, free in (
         (equations.start, equations.free & ~equations.is_position),
         (found.z, equations.free & ~equations.is_position),
         (found.z, equations.free),
     ):
-        solved = equations.search(start, free, bounded=False)
+        solved = search.solve(start, free, bounded=False)
         beyond = _beyond(equations, solved.z)
-        if solved.miss <= equations.tolerance and beyond:
+        if search.found(solved) and beyond:
             return f"it would take {beyond}. Widen the range, or give other outputs or positions"
     return ""
 
 
-def _what_is_left(equations: EquilibriumEquations, found: Iterate) -> str:
+def _what_is_left(search: EquilibriumSearch, found: Iterate) -> str:
     """The accelerations and rates that remain, and whether anything could act on them."""
+    equations = search.equations
     names = [*equations.plant.coordinates.names[equations.model.nv :], *equations.given.outputs.names]
     units = [*(f"{unit} per s" for unit in equations.plant.coordinates.units[equations.model.nv :]), *equations.given.outputs.units]
     values, jacobian = equations.values(found.z), equations.jacobian(found.z, equations.free)
@@ -121,7 +124,7 @@ def _what_is_left(equations: EquilibriumEquations, found: Iterate) -> str:
 def _beyond(equations: EquilibriumEquations, z: Array) -> str:
     """The unknowns that leave their bounds at z, with their ranges; "" where none does."""
     low, high = equations.bounds.T
-    slack = 1e-9 * equations.scales.unknowns
+    slack = 1e-9 * equations.units
     return _named(equations, (z < low - slack) | (z > high + slack), z)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from types import MappingProxyType
 
 import mujoco
@@ -11,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import instance
-from invtrack.arrays import Array, require_share
+from invtrack.arrays import require_share
 from invtrack.errors import PlantError
-from invtrack.plant.equilibrium.equations import EquilibriumEquations, Iterate
+from invtrack.plant.equilibrium.equations import EquilibriumEquations
 from invtrack.plant.equilibrium.given import Given, Positions, Values, given_of
-from invtrack.plant.equilibrium.refusals import no_equilibrium
+from invtrack.plant.equilibrium.refusals import why_not
+from invtrack.plant.equilibrium.search import EquilibriumSearch, Iterate
 from invtrack.plant.equilibrium.trim_point import TrimmedQuantity, TrimPoint
 from invtrack.plant.linearizable import constraint_name
 from invtrack.plant.plant import A_PLANT, Plant
@@ -93,41 +93,30 @@ def trim(
         controls={} if controls is None else controls,
         free=free,
     )
-    equations, found = _search(plant, model, given, tolerance)
+    equations, found = _searched(plant, model, given, tolerance)
     return _point(equations, found, model, {**plant.parameter_values, **parameter_values})
 
 
-def _search(plant: Plant, model: mujoco.MjModel, given: Given, tolerance: float) -> tuple[EquilibriumEquations, Iterate]:
+def _searched(plant: Plant, model: mujoco.MjModel, given: Given, tolerance: float) -> tuple[EquilibriumEquations, Iterate]:
     """The equilibrium without contacts and limits; with them, where that does not exist or touches one."""
-    smooth = EquilibriumEquations(plant, model, given, tolerance=tolerance, constraints=False)
-    found = _nearest(smooth, smooth.start)
+    smooth = EquilibriumEquations(plant, model, given, constraints=False)
+    search = EquilibriumSearch(smooth, tolerance)
+    with smooth.forces():
+        found = search.nearest(smooth.start)
     touching = _bearing(smooth.plant_at(found.z), model)
-    if found.miss <= tolerance and not touching:
+    if search.found(found) and not touching:
         return smooth, found
-    rigid = EquilibriumEquations(plant, model, given, tolerance=tolerance, constraints=True)
-    at_stop = np.any(smooth.at_bounds(found.z) & smooth.is_position)
-    starts = [rigid.start] if _bearing(rigid.plant_at(rigid.start), model) else []
-    for start in [*starts, *([found.z] if touching or at_stop else [])]:
-        held = _nearest(rigid, start)
-        if held.miss <= tolerance:
-            return rigid, held
-    raise no_equilibrium(smooth, found, touching)
-
-
-def _nearest(equations: EquilibriumEquations, start: Array) -> Iterate:
-    """The equilibrium in the posture of `start`, if there is one, else in the nearest; with the least controls in it."""
-    inputs = equations.free & ~equations.is_position
-    with equations.forces():
-        here = equations.solve(start, inputs)
-        if here.miss <= equations.tolerance:
-            return equations.tidied(here, inputs)
-        moved = equations.search(start, equations.free)
-        evaluations = here.evaluations + moved.evaluations
-        if moved.miss <= equations.tolerance:
-            settled = equations.solve(np.where(equations.is_position, moved.z, start), inputs)
-            evaluations += settled.evaluations
-            moved = equations.tidied(settled if settled.miss <= equations.tolerance else moved, equations.free)
-        return replace(moved, evaluations=evaluations)
+    touched = EquilibriumEquations(plant, model, given, constraints=True)
+    starts = [touched.start] if _bearing(touched.plant_at(touched.start), model) else []
+    if touching or np.any(smooth.at_bounds(found.z) & smooth.is_position):
+        starts.append(found.z)
+    with touched.forces():
+        for start in starts:
+            held = EquilibriumSearch(touched, tolerance).nearest(start)
+            if held.miss <= tolerance:
+                return touched, held
+    with smooth.forces():
+        raise PlantError(f"plant {plant.name!r} {why_not(search, found, touching)}")
 
 
 def _bearing(plant: Plant, model: mujoco.MjModel) -> tuple[str, ...]:
@@ -154,7 +143,7 @@ def _point(equations: EquilibriumEquations, found: Iterate, model: mujoco.MjMode
         quantities=tuple(quantities),
         residual=MappingProxyType(dict(zip(plant.coordinates.names[model.nv :], rates.tolist(), strict=True))),
         scaled_residual=found.miss,
-        evaluations=found.evaluations,
+        evaluations=equations.evaluations,
         open_directions=int(np.sum(equations.free)) - rank,
         held_by=_bearing(plant, model),
         at_limits=tuple(names[i] for i in np.flatnonzero(at_limits)),
