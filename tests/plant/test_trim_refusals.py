@@ -42,8 +42,8 @@ def quadrotor(folder: Path, **options: Any) -> invtrack.Plant:
         ({"controls": {"elbow": 0.0}, "free": ["elbow"]}, r"control 'elbow' is given twice, or both given and free"),
         ({"load": 1.0}, r"plant 'servo arm' has no parameter 'load'; there are: none"),
         ({"tolerance": 0.0}, r"tolerance must lie between 0 and 1"),
-        ({"outputs": {"site:tip:x": 0.8}}, r"site:tip:x = 0\.8 m is out of reach, the nearest is site:tip:x = 0\.7 m"),
-        ({"outputs": [0.62, 0.4]}, r"the outputs site:tip:x = 0\.62 m, site:tip:z = 0\.4 m cannot hold together, the nearest are"),
+        ({"outputs": {"site:tip:x": 0.8}}, r"site:tip:x = 0\.8 m is out of reach, the nearest found is site:tip:x = 0\.7 m"),
+        ({"outputs": [0.62, 0.4]}, r"no posture is found in which site:tip:x = 0\.62 m, site:tip:z = 0\.4 m hold together"),
         ({"outputs": {"site:tip:z": 0.6}}, r"site:tip:z = 0\.6 m would take position shoulder = \S+ rad \(range"),
         (
             {"outputs": [-0.1, 0.6]},

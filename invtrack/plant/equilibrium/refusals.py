@@ -59,13 +59,16 @@ def _outputs_out_of_reach(search: EquilibriumSearch) -> str:
             (closest,) = _phrases([outputs.names[i]], [outputs.units[i]], values[[i]] + equations.values(alone.z)[only])
             points = (equations.start, alone.z, equations.start + search.aside(equations.free))  # it may be stationary at some
             if any(np.any(np.abs(equations.jacobian(z, equations.free)[row]) > ACTS) for z in points):
-                reasons.append(f"{wanted[i]} is out of reach, the nearest is {closest}")
+                reasons.append(f"{wanted[i]} is out of reach, the nearest found is {closest}")
             else:
                 reasons.append(f"nothing that is free acts on {closest} at rest, and {values[i]:g} is asked for")
     if reasons:
         return f"{'; '.join(reasons)}. Give outputs within reach"
     nearest = _phrases(outputs.names, outputs.units, values + equations.values(together.z)[rows])
-    return f"the outputs {listed(wanted)} cannot hold together, the nearest are {listed(nearest)}. Give fewer of them"
+    return (
+        f"no posture is found in which {listed(wanted)} hold together, the nearest has {listed(nearest)}. Give fewer of them,"
+        " or start nearer to such a posture (plant.at(qpos=...))"
+    )
 
 
 def _held_controls(search: EquilibriumSearch, found: Iterate) -> str:

@@ -31,7 +31,7 @@ HOPELESS = 1e-2
 INSIDE = 0.05
 """How far from its bounds a search begins, in units of the unknown or of its range."""
 
-NUDGE = 0.2
+ASIDE = 0.2
 """How far a stationary start is moved aside, in units of the positions."""
 
 ACTS = 1e-9
@@ -102,16 +102,16 @@ class EquilibriumSearch:
         """
         tries = [self._solve(start, free, bounded=bounded, rows=rows)]
         if not self.found(tries[0]) and self._is_stationary(start, free, rows):
-            for sign in (1, -1):
-                tries.append(self._solve(start + sign * self.aside(free), free, bounded=bounded, rows=rows, anchor=start))
+            for aside in (self.aside(free), -self.aside(free)):
+                tries.append(self._solve(start + aside, free, bounded=bounded, rows=rows, anchor=start))
                 if self.found(tries[-1]):
                     break
         return min(tries, key=lambda iterate: iterate.miss)
 
     def aside(self, free: Mask) -> Array:
-        """A displacement of the positions in no particular direction."""
+        """A small displacement of the positions in no particular direction."""
         pattern = np.modf(_GOLDEN_RATIO * np.arange(1, len(free) + 1))[0] - 0.5
-        return np.asarray(NUDGE * pattern * self.equations.units * (free & self.equations.is_position))
+        return np.asarray(ASIDE * pattern * self.equations.units * (free & self.equations.is_position))
 
     def _is_stationary(self, z: Array, free: Mask, rows: Mask | None) -> bool:
         """Whether an equation is not met at z, and nothing that is free acts on it there."""
