@@ -152,7 +152,7 @@ class Plant:
         ctrl: ArrayLike | None = None,
         keyframe: str | None = None,
     ) -> Plant:
-        """The same plant at another operating point.
+        """The same plant at another operating point, which need not be an equilibrium: `trim` finds those.
 
         Args:
             qpos, qvel, act: positions (nq,), velocities (nv,) and activations (na,); None: as they are.

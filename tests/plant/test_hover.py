@@ -76,6 +76,15 @@ def test_hover_is_an_equilibrium_with_all_controls_zero(heading: float) -> None:
     assert np.max(np.abs(plant.operating_point.y0)) == 0
 
 
+def test_trim_levels_a_tilted_helicopter() -> None:
+    """Upright its constant thrust carries the weight, with all controls zero, wherever it stands."""
+    tilted = helicopter().at(qpos=[1.0, 2.0, 6.0, *quaternion_after_roll(0.1)])
+    point = invtrack.trim(tilted)
+    assert list(point.controls.values()) == pytest.approx([0.0] * 5, abs=1e-9)
+    assert point.positions["helicopter.rx"] == pytest.approx(-0.1, abs=1e-9)
+    assert point.plant.configuration.qpos == pytest.approx([1.0, 2.0, 6.0, *orientation(0.0)], abs=1e-9)
+
+
 def test_channels() -> None:
     plant = helicopter()
     assert plant.states.names[:4] == ("helicopter.rx", "helicopter.ry", "helicopter.x velocity", "helicopter.y velocity")
