@@ -73,19 +73,42 @@ CART_POLE = """
   <actuator><motor name="push" joint="x"/></actuator>
 </mujoco>"""
 
-# A point mass of 1.2 kg at 0.5 m below a hinge, as large as `size` says: lengths, stops and gravity grow with it.
+# A point mass of 1.2 kg at 0.5 m below a hinge with stops.
 STOPPED_PENDULUM = """
 <mujoco model="stopped pendulum">
   <compiler angle="radian"/>
-  <option gravity="0 0 -{gravity}"/>
   <worldbody>
     <body name="arm">
       <joint name="swing" type="hinge" axis="0 1 0" limited="true" range="{range}" {friction}/>
-      <inertial pos="0 0 -{length}" mass="1.2" diaginertia="1e-12 1e-12 1e-12"/>
-      <site name="end" pos="0 0 -{length}"/>
+      <inertial pos="0 0 -0.5" mass="1.2" diaginertia="1e-9 1e-9 1e-9"/>
+      <site name="end" pos="0 0 -0.5"/>
     </body>
   </worldbody>
   <actuator>{actuators}</actuator>
+</mujoco>"""
+
+# A cart on a spring carries an arm of two links, the first held by a servo, the second by a spring; all numbers in other units.
+ARM_IN_UNITS = """
+<mujoco model="arm in units">
+  <compiler angle="radian"/>
+  <option gravity="0 0 -{acceleration}"/>
+  <statistic extent="{length}"/>
+  <worldbody>
+    <body name="cart">
+      <joint name="x" type="slide" axis="1 0 0" stiffness="{stiffness}"/>
+      <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
+      <body name="upper">
+        <joint name="a" type="hinge" axis="0 -1 0"/>
+        <inertial pos="{upper} 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
+        <body name="fore" pos="{upper} 0 0">
+          <joint name="b" type="hinge" axis="0 -1 0" stiffness="{torque}"/>
+          <inertial pos="{fore} 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
+          <site name="tip" pos="{fore} 0 0"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor name="push" joint="x"/><position name="servo" joint="a" kp="{servo}"/></actuator>
 </mujoco>"""
 
 # Two hinges geared one to two by an equality; the second lifts a point mass of 0.5 kg at 0.3 m.

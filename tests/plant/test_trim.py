@@ -16,6 +16,7 @@ from invtrack.plant.linearize import linearize
 from invtrack.plant.parameters import BodyMass
 from invtrack.plant.plant import Plant
 from tests.plant.loaded_mechanisms import (
+    ARM_IN_UNITS,
     CART_POLE,
     GEARED,
     HOIST,
@@ -60,16 +61,28 @@ def axes(plant: Plant) -> np.ndarray:
     return R.reshape(3, 3)
 
 
-def stopped_pendulum(folder: Path, *, size: float = 1.0, stops: str = "-3 3", actuators: str = "", friction: str = "") -> Plant:
-    text = STOPPED_PENDULUM.format(
-        gravity=G * size,
-        length=0.5 * size,
-        range=stops,
-        friction=friction,
-        actuators=actuators or '<motor name="torque" joint="swing"/>',
-    )
-    inputs = ["torque"] if not actuators else ["first", "second"]
-    return plant_of(folder, text, inputs=inputs, outputs=["joint:swing"] if not actuators else ["joint:swing", "site:end:z"])
+def stopped_pendulum(folder: Path, *, stops: str = "-3 3", actuators: str = "", friction: str = "") -> Plant:
+    motors = actuators or '<motor name="torque" joint="swing"/>'
+    names = {"inputs": ["first", "second"], "outputs": ["joint:swing", "site:end:z"]}
+    names = names if actuators else {"inputs": ["torque"], "outputs": ["joint:swing"]}
+    return plant_of(folder, STOPPED_PENDULUM.format(range=stops, friction=friction, actuators=motors), **names)
+
+
+def arm_in_units(folder: Path, *, length: float, mass: float, time: float) -> Plant:
+    """One mechanism in units of which `length` make a metre, `mass` a kilogram and `time` a second."""
+    numbers = {
+        "length": length,
+        "mass": mass,
+        "upper": 0.4 * length,
+        "fore": 0.3 * length,
+        "inertia": 0.02 * mass * length**2,
+        "acceleration": G * length / time**2,
+        "stiffness": 30 * mass / time**2,
+        "torque": 5 * mass * (length / time) ** 2,
+        "servo": 50 * mass * (length / time) ** 2,
+    }
+    text = ARM_IN_UNITS.format(**{name: repr(number) for name, number in numbers.items()})
+    return plant_of(folder, text, inputs=["push", "servo"], outputs=["site:tip:x", "site:tip:z"])
 
 
 @pytest.mark.parametrize("angle", [-2.5, -0.4, 0.0, 1e-3, 1.2, np.pi])
@@ -299,14 +312,28 @@ def test_dry_friction_is_left_out(tmp_path: Path) -> None:
     assert point.largest_residual < 1e-9  # and with friction it is one, too
 
 
-@pytest.mark.parametrize("size", [1e-3, 30.0, 1e3])
-def test_size_does_not_matter(tmp_path: Path, size: float) -> None:
-    """With lengths and gravity times s, angles are the same and torques s^2 times as large."""
-    plant = stopped_pendulum(tmp_path, size=size, stops="-3 3")
-    held = trim(plant, outputs=[0.4])
-    assert held.controls["torque"] == pytest.approx(size**2 * LOAD * np.sin(0.4), rel=1e-9)
-    hanging = trim(plant, controls={"torque": size**2 * 0.3 * LOAD})
-    assert hanging.positions["swing"] == pytest.approx(np.arcsin(0.3), rel=1e-9)
+@pytest.mark.parametrize(("length", "mass", "time"), [(1e3, 1e3, 1.0), (1e-3, 1.0, 1.0), (1.0, 1e-3, 1e3), (1e2, 1e3, 1e-1)])
+def test_units_do_not_matter(tmp_path: Path, length: float, mass: float, time: float) -> None:
+    """Of the many equilibria with the tip at one height, and of those under given controls, it is the same in all units."""
+    force = mass * length / time**2
+    plants = {
+        (1.0, 1.0): arm_in_units(tmp_path, length=1.0, mass=1.0, time=1.0),
+        (length, force): arm_in_units(tmp_path, length=length, mass=mass, time=time),
+    }
+    found = []
+    for (metre, newton), plant in plants.items():
+        raised = trim(plant, outputs={"site:tip:z": 0.2 * metre})
+        pushed = trim(plant, controls={"push": 3.0 * newton, "servo": 0.2})
+        found.append(
+            [
+                raised.controls["push"] / newton,
+                raised.controls["servo"],
+                *(point.positions["x"] / metre for point in (raised, pushed)),
+                *(point.positions[joint] for point in (raised, pushed) for joint in ("a", "b")),
+            ]
+        )
+    assert found[1] == pytest.approx(found[0], rel=1e-10, abs=1e-12)
+    assert found[0][3] == pytest.approx(0.1, rel=1e-10)  # 3 N on a spring of 30 N/m
 
 
 def test_ranges_of_joints_are_kept(tmp_path: Path) -> None:
