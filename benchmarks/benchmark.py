@@ -84,7 +84,7 @@ def main(quick: bool = False, turns: int = 5) -> None:
 
 def imports(turns: int) -> None:
     """Importing invtrack in a fresh interpreter, against importing the two libraries without which it can do nothing."""
-    used = "Plant, model_path, BodyMass, linearize, SwitchedSystem, rest_to_rest, invert, TrackingController, lqr, Change, simulate"
+    used = "Plant, model_path, linearize, SwitchedSystem, rest_to_rest, invert, TrackingController, lqr, Change, simulate"
     programs = {"import invtrack": "import invtrack", "the names of README's program": f"from invtrack import {used}"}
     rows: dict[str, dict[str, Cell]] = {}
     for name, program in programs.items():
@@ -288,7 +288,7 @@ def cantilever() -> invtrack.Plant:
         invtrack.model_path("cantilever"),
         inputs=["base_force"],
         outputs=["tip_position"],
-        parameters={"tip_mass": invtrack.BodyMass("tip")},
+        parameters={"tip_mass": "body:tip:mass"},
     )
 
 

@@ -44,13 +44,8 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
     from invtrack.linear import StateSpace, SwitchedSystem
     from invtrack.plans import Plan, export_plan, read_plan
     from invtrack.plant import (
-        BodyMass,
         Change,
-        JointDamping,
-        JointStiffness,
         Plant,
-        TendonDamping,
-        TendonStiffness,
         linearize,
         model_path,
         trim,
@@ -63,14 +58,11 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
     from invtrack.simulation import LinearPlant, Sensor, simulate
 
 __all__ = [
-    "BodyMass",
     "Change",
     "Channels",
     "ExosystemController",
     "GainSchedule",
     "InvtrackError",
-    "JointDamping",
-    "JointStiffness",
     "KalmanFilter",
     "Limits",
     "LinearPlant",
@@ -84,8 +76,6 @@ __all__ = [
     "StateLimit",
     "StateSpace",
     "SwitchedSystem",
-    "TendonDamping",
-    "TendonStiffness",
     "TrackingController",
     "causal_inverse",
     "constrained_redesign",
@@ -115,13 +105,8 @@ __all__ = [
 # A room is loaded when it, or a name of it, is first used (PEP 562): who plans waits for neither MuJoCo nor Rerun nor matplotlib.
 _ROOMS: dict[str, tuple[str, ...]] = {
     "plant": (
-        "BodyMass",
         "Change",
-        "JointDamping",
-        "JointStiffness",
         "Plant",
-        "TendonDamping",
-        "TendonStiffness",
         "linearize",
         "model_path",
         "trim",

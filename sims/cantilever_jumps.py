@@ -40,7 +40,7 @@ def build(options: StudyOptions) -> Setup:
         invtrack.model_path("cantilever"),
         inputs=["base_force"],
         outputs=["tip_position"],
-        parameters={"tip_mass": invtrack.BodyMass("tip", inertia="fixed")},
+        parameters={"tip_mass": "body:tip:mass"},
     )
     model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=mass) for mass in MASSES], JUMPS)
     plan = invtrack.invert(model, invtrack.raised_cosine(2.0), tolerance=1e-11)

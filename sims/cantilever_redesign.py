@@ -105,7 +105,7 @@ def _rig() -> Rig:
         invtrack.model_path("cantilever"),
         inputs=["base_force"],
         outputs=["tip_position"],
-        parameters={"tip_mass": invtrack.BodyMass("tip", inertia="fixed")},
+        parameters={"tip_mass": "body:tip:mass"},
     )
     model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=mass) for mass in MASSES], JUMPS)
     # The feedback that is optimal for this very cost: no alternative is to lose by its gains.

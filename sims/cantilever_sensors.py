@@ -39,7 +39,7 @@ def build(options: StudyOptions) -> Setup:
         inputs=["base_force"],
         outputs=["tip_position"],
         measurements=MEASUREMENTS,
-        parameters={"tip_mass": invtrack.BodyMass("tip", inertia="fixed")},
+        parameters={"tip_mass": "body:tip:mass"},
     )
     model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=mass) for mass in MASSES], JUMPS)
     plan = invtrack.invert(model, invtrack.raised_cosine(2.0), tolerance=1e-8)

@@ -5,16 +5,13 @@ from invtrack.plant.equilibrium.trim import trim
 from invtrack.plant.equilibrium.trim_point import TrimmedQuantity, TrimPoint
 from invtrack.plant.linearize import linearize
 from invtrack.plant.loading import model_path
-from invtrack.plant.parameters import BodyMass, Change, JointDamping, JointStiffness, Parameter, TendonDamping, TendonStiffness
+from invtrack.plant.parameters import Change, Parameter
 from invtrack.plant.plant import Plant
 from invtrack.plant.variants import with_coupling_scaled, with_input_limits
 
 __all__ = [
-    "BodyMass",
     "Change",
     "Configuration",
-    "JointDamping",
-    "JointStiffness",
     "Parameter",
     "Plant",
     "TendonDamping",

@@ -111,7 +111,9 @@ def linearize(
     refuse_constraints(model, data)
     if not allow_nonequilibrium:
         refuse_nonequilibrium(plant, data, equilibrium_tolerance, parameter_values)
-    point, measured = plant.operating_point_in(model), data.sensordata[plant.measurement_addresses]
+    point, measured = plant.operating_point_in(model), plant.measurement_readings.values(data)
+    for readings in (plant.output_readings, plant.measurement_readings):
+        readings.require_smooth(model, data)
     with plant.forces(model):
         derivative = differentiate(_Dynamics(plant, model, data), _steps(plant, model, step))
     _check(plant, derivative)
@@ -133,7 +135,8 @@ class _Dynamics:
         data.qacc_warmstart[:] = 0  # so that an evaluation does not depend on the one before it
         mujoco.mj_forward(model, data)
         refuse_constraints(model, data)
-        result = np.concatenate([data.qacc, data.act_dot, plant.measure(data), data.sensordata[plant.measurement_addresses]])
+        outputs, measurements = plant.output_readings.values(data), plant.measurement_readings.values(data)
+        result = np.concatenate([data.qacc, data.act_dot, outputs, measurements])
         if not np.all(np.isfinite(result)):
             raise PlantError(f"accelerations of plant {plant.name!r} are not finite near the operating point; check its masses")
         return result

@@ -1,16 +1,36 @@
-"""MJCF files: where those that come with the project are, and how any of them becomes a MuJoCo model."""
+"""Where a mechanism comes from: an MJCF file or text, or what MuJoCo has made of one; and the files that come with the project."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import copy
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import mujoco
 
 from invtrack.arrays import shown
 from invtrack.errors import PlantError
 from invtrack.plant.couplings import callbacks_suspended, require_known_elements
-from invtrack.plant.elements import add_output_sensors, element_name, listed
+from invtrack.plant.elements import element_name, listed
+
+Source: TypeAlias = str | Path | mujoco.MjSpec | mujoco.MjModel
+"""The path of an MJCF file, MJCF text, a specification, or a compiled model."""
+
+_EXPECTED = "the path of an MJCF file, MJCF text, a mujoco.MjSpec or a mujoco.MjModel"
+
+
+@dataclass(frozen=True, eq=False)
+class LoadedModel:
+    """A compiled model and where it comes from.
+
+    model: compiled. spec: what it was compiled from; None where only the compiled model was given. description: what messages call
+    the source.
+    """
+
+    model: mujoco.MjModel
+    spec: mujoco.MjSpec | None
+    description: str
 
 
 def model_path(name: str) -> Path:
@@ -31,28 +51,21 @@ def model_path(name: str) -> Path:
     return available[name]
 
 
-def load_model(path: Path, *, sensors: Iterable[Sequence[str]]) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
-    """The specification in an MJCF file, with the sensors that these lists of outputs stand for, and the model that it describes.
+def load_model(source: Source) -> LoadedModel:
+    """The model that a source describes. What is given is copied, not kept.
 
     Raises PlantError for what does not compile, and for models whose state is more than (qpos, qvel, act).
     """
-    spec = _load_spec(path)
-    for outputs in sensors:
-        add_output_sensors(spec, outputs)
-    require_known_elements(spec)
-    model = compile_spec(spec, str(path))
-    _refuse_hidden_state(model)
-    return spec, model
-
-
-def _load_spec(path: Path) -> mujoco.MjSpec:
-    """The specification in an MJCF file."""
-    if not path.is_file():
-        raise PlantError(f"there is no file {path}; give the path of an MJCF file, or invtrack.model_path(name) of a shipped model")
-    try:
-        return mujoco.MjSpec.from_file(str(path))
-    except ValueError as error:
-        raise PlantError(f"{path} is not valid MJCF: {error}") from error
+    if isinstance(source, mujoco.MjModel):
+        loaded = LoadedModel(copy.copy(source), None, "the MjModel")
+    else:
+        spec, description = _specification(source)
+        require_known_elements(spec)
+        model = compile_spec(spec, description)
+        _fix_what_the_compiler_chose(spec, model)
+        loaded = LoadedModel(model, spec, description)
+    _refuse_hidden_state(loaded.model)
+    return loaded
 
 
 def compile_spec(spec: mujoco.MjSpec, description: str) -> mujoco.MjModel:
@@ -62,6 +75,49 @@ def compile_spec(spec: mujoco.MjSpec, description: str) -> mujoco.MjModel:
             return spec.compile()
     except ValueError as error:
         raise PlantError(f"{description} does not compile: {error}") from error
+
+
+def model_name(model: mujoco.MjModel) -> str:
+    """The name of a model in its file."""
+    return bytes(model.names).partition(b"\0")[0].decode()
+
+
+def _specification(source: Source) -> tuple[mujoco.MjSpec, str]:
+    """A specification of its own, and what messages call it."""
+    if isinstance(source, mujoco.MjSpec):
+        return source.copy(), "the MjSpec"
+    if isinstance(source, str) and source.lstrip().startswith("<"):
+        try:
+            return mujoco.MjSpec.from_string(source), "the MJCF text"
+        except ValueError as error:
+            raise PlantError(f"the MJCF text cannot be read: {error}") from error
+    if not isinstance(source, (str, Path)) or not Path(source).name:
+        raise PlantError(f"expected {_EXPECTED}, got {shown(source)}")
+    if not Path(source).is_file():
+        raise PlantError(
+            f"there is no file {source}; give {_EXPECTED} (text begins with '<'), or invtrack.model_path(name) of a shipped model"
+        )
+    try:
+        return mujoco.MjSpec.from_file(str(source)), str(source)
+    except ValueError as error:
+        raise PlantError(f"{source} cannot be read as MJCF: {error}") from error
+
+
+def _fix_what_the_compiler_chose(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
+    """Put into the specification what the compiler derived from other quantities, which later changes of those are to leave alone:
+    rest lengths of tendons, dampings of servos from a damping ratio, springs and dampers of joints from a time constant.
+    """
+    for tendon in spec.tendons:
+        if tendon.springlength[0] < 0:
+            tendon.springlength = model.tendon_lengthspring[tendon.id]
+    for actuator in spec.actuators:
+        if actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE and actuator.biasprm[2] > 0:
+            actuator.biasprm[2] = model.actuator_biasprm[actuator.id, 2]
+    for joint in spec.joints:
+        if joint.springdamper[0] > 0 and joint.springdamper[1] > 0:
+            joint.springdamper = (0.0, 0.0)
+            joint.stiffness[0] = model.jnt_stiffness[joint.id]
+            joint.damping[0] = model.dof_damping[model.jnt_dofadr[joint.id]]
 
 
 def _refuse_hidden_state(model: mujoco.MjModel) -> None:

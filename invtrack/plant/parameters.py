@@ -3,29 +3,33 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Protocol
 
 import mujoco
-import numpy as np
 
-from invtrack.arguments import items, one_of, require_text
+from invtrack.arguments import by_name, items, texts
 from invtrack.arrays import finite_number, shown
 from invtrack.errors import PlantError, SimulationError
-from invtrack.plant.elements import element_id
+from invtrack.plant.elements import checked_component, element_id, find_element, listed, split_component
+from invtrack.plant.quantities import QUANTITIES, Quantity
 
 
 class Parameter(Protocol):
     """A physical quantity that may change between runs or in mid-run.
 
-    `body` is the body it belongs to, if it belongs to one. `write` changes fields of a compiled model (the constants that MuJoCo
-    derives from them are Plant's business), `write_spec` changes the specification that a model is compiled from; `reference` is
-    the model as the file has it.
+    `body` is the body it belongs to, if it belongs to one, `lowest` the least value that makes sense. `write` changes fields of a
+    compiled model (the constants that MuJoCo derives from them are Plant's business), `write_spec` changes the specification that a
+    model is compiled from; `reference` is the model as the file has it. `check` raises PlantError where the values written, all
+    those of one change, leave no mechanism.
     """
 
     @property
     def body(self) -> str | None: ...
+
+    @property
+    def lowest(self) -> float: ...
 
     def unit(self, model: mujoco.MjModel) -> str: ...
 
@@ -33,173 +37,124 @@ class Parameter(Protocol):
 
     def write(self, model: mujoco.MjModel, value: float, *, reference: mujoco.MjModel) -> None: ...
 
+    def check(self, model: mujoco.MjModel) -> None: ...
+
     def write_spec(self, spec: mujoco.MjSpec, value: float, *, reference: mujoco.MjModel) -> None: ...
 
 
 @dataclass(frozen=True)
-class BodyMass:
-    """The mass [kg] of one body (of that body alone, not of its subtree).
+class ElementParameter:
+    """A quantity of one element: what a path such as "body:tip:mass" stands for.
 
-    inertia="fixed" leaves the body's rotational inertia as it is in the file: what is added is a point mass at its centre of mass.
-    inertia="scaled" changes it in proportion to the mass: the body keeps its shape and changes its density.
+    kind, element: of which element, by its name. quantity, component: which of its quantities.
     """
 
-    body: str
-    inertia: Literal["fixed", "scaled"] = "fixed"
+    kind: str
+    element: str
+    quantity: str
+    component: int
 
-    def __post_init__(self) -> None:
-        require_text("the body of BodyMass", self.body, error=PlantError)
-        one_of("inertia of BodyMass", self.inertia, ("fixed", "scaled"), error=PlantError)
+    @property
+    def body(self) -> str | None:
+        return self.element if self.kind == "body" else None
 
-    def unit(self, model: mujoco.MjModel) -> str:
-        return "kg"
-
-    def read(self, model: mujoco.MjModel) -> float:
-        return float(model.body_mass[element_id(model, "body", self.body)])
-
-    def write(self, model: mujoco.MjModel, value: float, *, reference: mujoco.MjModel) -> None:
-        body = element_id(model, "body", self.body)
-        inertia = self._inertia(reference, body, value)
-        rigid = model.body_weldid == model.body_weldid[body]
-        rest = float(np.sum(model.body_mass[rigid]) - model.body_mass[body])
-        if model.body_weldid[body] != 0 and rest + value <= mujoco.mjMINVAL:
-            raise PlantError(
-                f"a mass of {value} kg for body {self.body!r} leaves a moving body without mass, so its acceleration is undefined;"
-                " give a positive mass, or weld the body to one that has mass"
-            )
-        model.body_mass[body] = value
-        model.body_inertia[body] = inertia
-
-    def write_spec(self, spec: mujoco.MjSpec, value: float, *, reference: mujoco.MjModel) -> None:
-        if spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE or spec.compiler.settotalmass > 0:
-            raise PlantError(
-                f"cannot compile a mass for body {self.body!r}: the compiler options inertiafromgeom or settotalmass overwrite it;"
-                " remove them from the file"
-            )
-        index = element_id(reference, "body", self.body)
-        body = spec.body(self.body)
-        body.explicitinertial = True
-        body.mass = value
-        body.ipos, body.iquat = reference.body_ipos[index], reference.body_iquat[index]
-        body.fullinertia = np.r_[np.nan, np.zeros(5)]  # NaN: not given, so that the diagonal one below counts
-        body.inertia = self._inertia(reference, index, value)
-
-    def _inertia(self, reference: mujoco.MjModel, body: int, value: float) -> np.ndarray:
-        if self.inertia == "fixed":
-            return np.array(reference.body_inertia[body])
-        mass = float(reference.body_mass[body])
-        if mass <= mujoco.mjMINVAL:
-            raise PlantError(
-                f"the inertia of body {self.body!r} cannot scale with its mass because its mass in the file is {mass} kg;"
-                ' give it a mass and an inertia in the file, or use BodyMass(..., inertia="fixed")'
-            )
-        return np.array(reference.body_inertia[body] * (value / mass))
-
-
-@dataclass(frozen=True)
-class JointStiffness:
-    """The linear stiffness of a joint's spring, in N/m (slide) or N m/rad (hinge, ball); its rest position stays."""
-
-    joint: str
-    body = None
-
-    def __post_init__(self) -> None:
-        require_text("the joint of JointStiffness", self.joint, error=PlantError)
+    @property
+    def lowest(self) -> float:
+        return self._quantity.lowest
 
     def unit(self, model: mujoco.MjModel) -> str:
-        return "N/m" if _slides(model, self.joint) else "N m/rad"
+        return self._quantity.unit(model, self._index(model), self.component)
 
     def read(self, model: mujoco.MjModel) -> float:
-        return float(model.jnt_stiffness[element_id(model, "joint", self.joint)])
+        return self._quantity.read(model, self._index(model), self.component)
 
     def write(self, model: mujoco.MjModel, value: float, *, reference: mujoco.MjModel) -> None:
-        model.jnt_stiffness[element_id(model, "joint", self.joint)] = value
+        self._quantity.write(model, self._index(model), self.component, value, reference)
+
+    def check(self, model: mujoco.MjModel) -> None:
+        self._quantity.check(model, self._index(model))
 
     def write_spec(self, spec: mujoco.MjSpec, value: float, *, reference: mujoco.MjModel) -> None:
-        _refuse_springdamper(spec, self.joint)
-        spec.joint(self.joint).stiffness[0] = value
+        element = element_of_spec(spec, self.kind, self._index(reference))
+        self._quantity.write_spec(element, self.component, value, reference)
+
+    @property
+    def _quantity(self) -> Quantity:
+        return QUANTITIES[self.kind][self.quantity]
+
+    def _index(self, model: mujoco.MjModel) -> int:
+        return element_id(model, self.kind, self.element)
 
 
-@dataclass(frozen=True)
-class JointDamping:
-    """The linear damping of a joint, in N s/m (slide) or N m s/rad (hinge, ball), the same for all its degrees of freedom."""
-
-    joint: str
-    body = None
-
-    def __post_init__(self) -> None:
-        require_text("the joint of JointDamping", self.joint, error=PlantError)
-
-    def unit(self, model: mujoco.MjModel) -> str:
-        return "N s/m" if _slides(model, self.joint) else "N m s/rad"
-
-    def read(self, model: mujoco.MjModel) -> float:
-        return float(model.dof_damping[self._dofs(model)][0])
-
-    def write(self, model: mujoco.MjModel, value: float, *, reference: mujoco.MjModel) -> None:
-        model.dof_damping[self._dofs(model)] = value
-
-    def write_spec(self, spec: mujoco.MjSpec, value: float, *, reference: mujoco.MjModel) -> None:
-        _refuse_springdamper(spec, self.joint)
-        spec.joint(self.joint).damping[0] = value
-
-    def _dofs(self, model: mujoco.MjModel) -> np.ndarray:
-        return np.flatnonzero(model.dof_jntid == element_id(model, "joint", self.joint))
+def element_of_spec(spec: mujoco.MjSpec, kind: str, index: int) -> Any:
+    """The element of a specification that became the one of this index in its compiled model."""
+    elements = {
+        "body": spec.bodies,
+        "joint": spec.joints,
+        "geom": spec.geoms,
+        "tendon": spec.tendons,
+        "actuator": spec.actuators,
+    }[kind]
+    return next(element for element in elements if element.id == index)
 
 
-@dataclass(frozen=True)
-class TendonStiffness:
-    """The linear stiffness [N/m] of a tendon (of a fixed tendon: per squared unit of its length); its rest length stays."""
+def named_parameters(model: mujoco.MjModel, parameters: Mapping[str, str | Parameter] | Sequence[str]) -> dict[str, Parameter]:
+    """The parameters of a model by their names: of one's own, with paths or parameters of one's own kind, or paths alone.
 
-    tendon: str
-    body = None
-
-    def __post_init__(self) -> None:
-        require_text("the tendon of TendonStiffness", self.tendon, error=PlantError)
-
-    def unit(self, model: mujoco.MjModel) -> str:
-        return "N/m"
-
-    def read(self, model: mujoco.MjModel) -> float:
-        return float(model.tendon_stiffness[element_id(model, "tendon", self.tendon)])
-
-    def write(self, model: mujoco.MjModel, value: float, *, reference: mujoco.MjModel) -> None:
-        model.tendon_stiffness[element_id(model, "tendon", self.tendon)] = value
-
-    def write_spec(self, spec: mujoco.MjSpec, value: float, *, reference: mujoco.MjModel) -> None:
-        spec.tendon(self.tendon).stiffness[0] = value
-
-
-@dataclass(frozen=True)
-class TendonDamping:
-    """The linear damping [N s/m] of a tendon (of a fixed tendon: per squared unit of its length)."""
-
-    tendon: str
-    body = None
-
-    def __post_init__(self) -> None:
-        require_text("the tendon of TendonDamping", self.tendon, error=PlantError)
-
-    def unit(self, model: mujoco.MjModel) -> str:
-        return "N s/m"
-
-    def read(self, model: mujoco.MjModel) -> float:
-        return float(model.tendon_damping[element_id(model, "tendon", self.tendon)])
-
-    def write(self, model: mujoco.MjModel, value: float, *, reference: mujoco.MjModel) -> None:
-        model.tendon_damping[element_id(model, "tendon", self.tendon)] = value
-
-    def write_spec(self, spec: mujoco.MjSpec, value: float, *, reference: mujoco.MjModel) -> None:
-        spec.tendon(self.tendon).damping[0] = value
+    Raises PlantError for names that cannot be written as keywords, what is no parameter, and what the model does not have.
+    """
+    if not isinstance(parameters, Mapping):
+        expected = 'paths such as "body:tip:mass", or a dict of paths by names of your own'
+        parameters = {path: path for path in texts("parameters", parameters, expected=expected, error=PlantError)}
+    given = by_name("parameters", parameters, expected='paths such as "body:tip:mass" by names of your own', error=PlantError)
+    found: dict[str, Parameter] = {}
+    for name, value in given.items():
+        if not name.isidentifier() and name != value:
+            raise PlantError(f"parameter {name!r} cannot be written as a keyword; use letters, digits and underscores")
+        if isinstance(value, str):
+            found[name] = parameter_at(value, model)
+        elif isinstance(value, type) or not callable(getattr(value, "read", None)):
+            raise PlantError(f'parameter {name!r} must be a path such as "body:tip:mass", got {shown(value)}')
+        else:
+            found[name] = value
+        found[name].read(model)  # raises where it names nothing in this model
+    return found
 
 
-def _slides(model: mujoco.MjModel, joint: str) -> bool:
-    return bool(model.jnt_type[element_id(model, "joint", joint)] == mujoco.mjtJoint.mjJNT_SLIDE)
+def parameter_at(path: str, model: mujoco.MjModel) -> ElementParameter:
+    """The parameter that a path such as "body:tip:mass" or "actuator:thrust:gear[2]" stands for.
+
+    Raises PlantError for what is no such path, with the names there are, and for elements that have no such quantity.
+    """
+    kind, _, rest = path.partition(":")
+    if kind not in QUANTITIES or not rest:
+        raise PlantError(f"no parameter is called {path!r}; a parameter is one of: {listed(parameter_forms())}")
+    parts = rest.split(":")
+    for cut in range(len(parts) - 1, 0, -1):
+        element, name = ":".join(parts[:cut]), ":".join(parts[cut:])
+        if find_element(model, kind, element) is not None:
+            return _parameter_of(path, model, kind, element, name)
+    element_id(model, kind, parts[0])  # raises, with the names there are, unless the element alone is given
+    raise PlantError(f"{path!r} names no quantity; there are: {listed(f'{path}:{name}' for name in QUANTITIES[kind])}")
 
 
-def _refuse_springdamper(spec: mujoco.MjSpec, joint: str) -> None:
-    if np.any(spec.joint(joint).springdamper):
-        raise PlantError(f"joint {joint!r} has its spring and damper from `springdamper`; give stiffness and damping in the file")
+def parameter_forms() -> list[str]:
+    """All paths there are, with NAME for the element's name."""
+    return [f"{kind}:NAME:{name}" for kind, quantities in QUANTITIES.items() for name in quantities]
+
+
+def _parameter_of(path: str, model: mujoco.MjModel, kind: str, element: str, name: str) -> ElementParameter:
+    quantity_name, component = split_component(name, QUANTITIES[kind])
+    if quantity_name not in QUANTITIES[kind]:
+        known = listed(f"{kind}:{element}:{known}" for known in QUANTITIES[kind])
+        raise PlantError(f"no parameter is called {path!r}; of this {kind} there are: {known}")
+    quantity, index = QUANTITIES[kind][quantity_name], element_id(model, kind, element)
+    quantity.require_meaning(model, index)
+    if component is None:
+        component = quantity.default
+    return ElementParameter(
+        kind, element, quantity_name, checked_component("parameter", path, component, quantity.components(model, index))
+    )
 
 
 class Change:

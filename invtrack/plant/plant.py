@@ -1,4 +1,4 @@
-"""A mechanism from an MJCF file with named inputs, outputs, states and parameters."""
+"""A mechanism in MJCF with named inputs, outputs, states and parameters."""
 
 from __future__ import annotations
 
@@ -8,31 +8,24 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from types import MappingProxyType
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arguments import by_name, file_path, texts
-from invtrack.arrays import Array, real_numbers, shown
+from invtrack.arguments import by_name, texts
+from invtrack.arrays import Array, real_numbers
 from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import OperatingPoint
 from invtrack.plant.configuration import Configuration, state_of
 from invtrack.plant.couplings import VelocityCoupling, mujoco_callbacks, velocity_couplings
-from invtrack.plant.elements import (
-    Addresses,
-    control_limits,
-    coordinate_channels,
-    dropped_states,
-    input_channels,
-    listed,
-    output_channels,
-)
-from invtrack.plant.loading import compile_spec, load_model
-from invtrack.plant.parameters import Parameter
+from invtrack.plant.elements import Addresses, control_limits, coordinate_channels, dropped_states, input_channels, listed
+from invtrack.plant.loading import Source, compile_spec, load_model, model_name
+from invtrack.plant.outputs import output_readings
+from invtrack.plant.parameters import Parameter, named_parameters
+from invtrack.plant.readings import Readings
 
 A_PLANT = "an invtrack.Plant, such as Plant.from_xml(path, inputs=[...], outputs=[...])"
 """What messages say is expected where something else is given for a plant."""
@@ -40,21 +33,21 @@ A_PLANT = "an invtrack.Plant, such as Plant.from_xml(path, inputs=[...], outputs
 
 @dataclass(frozen=True, eq=False)
 class Plant:
-    """A MuJoCo model seen as a system with inputs u = data.ctrl, outputs y = data.sensordata, and named physical parameters.
+    """A MuJoCo model seen as a system with inputs u = data.ctrl, outputs y read from its data, and named physical parameters.
 
     The state is x = (tangent of qpos, qvel, act), each as deviation from the operating point; n = 2 nv + na (see
     `invtrack.plant.configuration`), or less where coordinates are dropped. Actuators that are not inputs hold their control of the
     operating point.
 
     Args:
-        path: the MJCF file.
+        source: where the mechanism comes from, as messages say it: the path of its file, "the MJCF text", "the MjModel".
         model: compiled with the file's parameter values; make a copy with `model_with` before changing anything in it.
-        spec: what the model was compiled from.
+        spec: what the model was compiled from; None where it came as a compiled model.
         configuration: the operating point in MuJoCo's coordinates.
         inputs, outputs, measurements: their `Channels`.
         coordinates: all 2 nv + na of the tangent space, positions before velocities before activations.
         input_addresses: where the inputs stand in data.ctrl (p,).
-        output_addresses, measurement_addresses: where these stand in data.sensordata.
+        output_readings, measurement_readings: what these read from MuJoCo's data.
         dropped: names of the coordinates that are not among the states.
         parameters: what each named parameter changes.
         parameter_channels: names and units of the parameters.
@@ -62,17 +55,17 @@ class Plant:
             `forces`, in which everything that invtrack computes from the plant takes place.
     """
 
-    path: Path
+    source: str
     model: mujoco.MjModel
-    spec: mujoco.MjSpec = field(repr=False)
+    spec: mujoco.MjSpec | None = field(repr=False)
     configuration: Configuration = field(repr=False)
     inputs: Channels
     outputs: Channels
     measurements: Channels
     coordinates: Channels = field(repr=False)
     input_addresses: Addresses = field(repr=False)
-    output_addresses: Addresses = field(repr=False)
-    measurement_addresses: Addresses = field(repr=False)
+    output_readings: Readings = field(repr=False)
+    measurement_readings: Readings = field(repr=False)
     dropped: tuple[str, ...]
     parameters: Mapping[str, Parameter]
     parameter_channels: Channels = field(repr=False)
@@ -81,64 +74,65 @@ class Plant:
     @classmethod
     def from_xml(
         cls,
-        path: str | Path,
+        source: Source,
         *,
         inputs: Sequence[str],
         outputs: Sequence[str],
         measurements: Sequence[str] | None = None,
         drop_states: Sequence[str] = (),
-        parameters: Mapping[str, Parameter] | None = None,
+        parameters: Mapping[str, str | Parameter] | Sequence[str] = (),
         units: Mapping[str, str] | None = None,
         keyframe: str | None = None,
     ) -> Plant:
-        """Load an MJCF file.
+        """A plant from MJCF.
+
+        Elements without a name are called as messages call them, by kind and index: "joint 0", "actuator 2".
 
         Args:
-            path: of the file.
+            source: the path of an MJCF file, MJCF text (whose includes are looked for in the working directory), a mujoco.MjSpec
+                or a mujoco.MjModel. What is given is copied.
             inputs: actuators ("NAME", or "NAME[1]" where one has several controls).
-            outputs: sensors ("NAME", "NAME[1]"), or "joint:NAME", "joint:NAME:velocity", "site:NAME:x" (y, z; world coordinates).
+            outputs: sensors ("NAME", "NAME[1]"), states by their names ("NAME velocity"), or expressions: "joint:NAME",
+                "joint:NAME:velocity" (of a free or ball joint "joint:NAME:x", "joint:NAME:rx:velocity"), "activation:ACTUATOR",
+                "body:NAME:x", "site:NAME:x" (y, z: world coordinates; yaw, pitch, roll: from the orientation in the keyframe, see
+                `invtrack.plant.readings`), "distance:SITE:SITE", "tendon:NAME".
             measurements: what controllers that do not know the state may measure, named like outputs; the outputs unless stated.
             drop_states: coordinates that act on nothing (where a vehicle stands, its heading), which models and controllers are not
                 to see; the simulation still moves them, and `linearize` refuses where they do act.
-            parameters: for instance {"tip_mass": BodyMass("tip")}.
+            parameters: names of your own for what may change, with its path, as {"tip_mass": "body:tip:mass"}; or the paths
+                alone, which then are the names.
             units: SI units that replace those inferred, by the name of an input, output, state or parameter.
-            keyframe: the operating point; without it qpos0 at rest with zero controls.
+            keyframe: the operating point; without it qpos0 at rest with zero controls. Angles count from it, also after `at`.
 
-        Raises PlantError for a file that does not compile, unknown names (with those there are), velocity couplings that do not
-        fit the model, and models whose state is more than (qpos, qvel, act): history buffers, plugins with state, plasticity.
+        Raises PlantError for what does not compile, unknown names (with those there are), velocity couplings that do not fit the
+        model, and models whose state is more than (qpos, qvel, act): history buffers, plugins with state, plasticity.
         """
-        path = file_path(path)
         units = dict(by_name("units", {} if units is None else units, expected="units by the names of channels", error=PlantError))
         inputs, outputs, drop_states = _names("inputs", inputs), _names("outputs", outputs), _names("drop_states", drop_states)
         measurements = outputs if measurements is None else _names("measurements", measurements)
-        spec, model = load_model(path, sensors=(outputs, measurements))
-        expected = "parameters such as BodyMass(...) by their names"
-        parameters = dict(by_name("parameters", {} if parameters is None else parameters, expected=expected, error=PlantError))
-        for name, parameter in parameters.items():
-            if not name.isidentifier():
-                raise PlantError(f"parameter {name!r} cannot be written as a keyword; use letters, digits and underscores")
-            if isinstance(parameter, type) or not callable(getattr(parameter, "read", None)):
-                raise PlantError(f"parameter {name!r} must be a named quantity such as BodyMass('tip'), got {shown(parameter)}")
-            parameter.read(model)  # raises where it names nothing in this model
-        (u, input_addresses), (y, output_addresses) = input_channels(model, inputs), output_channels(model, outputs)
-        y_m, measurement_addresses = output_channels(model, measurements)
+        loaded = load_model(source)
+        model = loaded.model
+        named = named_parameters(model, parameters)
+        configuration = Configuration.of_model(model, keyframe)
+        u, input_addresses = input_channels(model, inputs)
+        y, y_m = (output_readings(model, names, configuration) for names in (outputs, measurements))
         coordinates = coordinate_channels(model)
-        channels = Channels(tuple(parameters), [parameter.unit(model) for parameter in parameters.values()])
-        _require_known(units, (u, y, y_m, coordinates, channels))
+        channels = Channels(tuple(named), [parameter.unit(model) for parameter in named.values()])
+        _require_known(units, (u, y.channels, y_m.channels, coordinates, channels))
         return cls(
-            path=path,
+            source=loaded.description,
             model=model,
-            spec=spec,
-            configuration=Configuration.of_model(model, keyframe),
+            spec=loaded.spec,
+            configuration=configuration,
             inputs=u.with_units(units),
-            outputs=y.with_units(units),
-            measurements=y_m.with_units(units),
+            outputs=y.channels.with_units(units),
+            measurements=y_m.channels.with_units(units),
             coordinates=coordinates.with_units(units),
             input_addresses=input_addresses,
-            output_addresses=output_addresses,
-            measurement_addresses=measurement_addresses,
+            output_readings=y,
+            measurement_readings=y_m,
             dropped=dropped_states(coordinates, drop_states),
-            parameters=MappingProxyType(parameters),
+            parameters=MappingProxyType(named),
             parameter_channels=channels.with_units(units),
             couplings=velocity_couplings(model),
         )
@@ -167,7 +161,7 @@ class Plant:
     @property
     def name(self) -> str:
         """The model's name in its file."""
-        return str(self.spec.modelname)
+        return model_name(self.model)
 
     @cached_property
     def states(self) -> Channels:
@@ -245,8 +239,8 @@ class Plant:
             coupling.add_forces(model, data)
 
     def measure(self, data: mujoco.MjData) -> Array:
-        """The outputs (p,) in data.sensordata, which is up to date after mj_forward (after mj_step it lags by one step)."""
-        return np.array(data.sensordata[self.output_addresses])
+        """The outputs (p,) of data that are up to date, as after mj_forward (after mj_step part of them lag by one step)."""
+        return self.output_readings.values(data)
 
     def state(self, data: mujoco.MjData) -> Array:
         """The state x (n,) of the data, as deviation from the operating point."""
@@ -272,26 +266,35 @@ class Plant:
 
         Live data keep qpos, qvel and act; call mj_forward before reading accelerations or sensors from them. Everything that MuJoCo
         derives from masses is computed anew. Raises PlantError, leaving the model as it was, for unknown parameters and for values
-        that are negative, not finite, or leave a moving body without mass.
+        that are not finite, negative where that makes no sense, or leave a moving body without mass or with an inertia that no body
+        has.
         """
         self._check(values)
         self._require_own(model)
         for target in (copy.copy(model), model):  # the copy takes any refusal, so that the model itself stays whole
             for name, value in values.items():
                 self.parameters[name].write(target, float(value), reference=self.model)
+            for name in values:
+                self.parameters[name].check(target)
         # The scratch data are thrown away: mj_setConst puts qpos0 into the data it is given.
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
     def compiled_with(self, values: Mapping[str, float]) -> mujoco.MjModel:
         """A model compiled afresh with named parameters set in its specification: an independent check on `model_with`.
 
-        Raises PlantError like `apply`, and where the file's compiler options overwrite a parameter.
+        Raises PlantError like `apply`, where the file's compiler options overwrite a parameter, and for a plant that came as a
+        compiled model, which MuJoCo does not turn back into a specification.
         """
         self._check(values)
+        if self.spec is None:
+            raise PlantError(
+                f"plant {self.name!r} came as an MjModel, which MuJoCo cannot compile again; give Plant.from_xml its MJCF or its"
+                " MjSpec (model_with and changes in mid-run need neither)"
+            )
         spec = self.spec.copy()
         for name, value in values.items():
             self.parameters[name].write_spec(spec, float(value), reference=self.model)
-        return compile_spec(spec, f"{self.path} with {dict(values)}")
+        return compile_spec(spec, f"{self.source} with {dict(values)}")
 
     def _require_own(self, model: mujoco.MjModel) -> None:
         if model.signature != self.model.signature:
@@ -301,9 +304,11 @@ class Plant:
         for name, value in values.items():
             if name not in self.parameters:
                 raise PlantError(f"plant {self.name!r} has no parameter {name!r}; there are: {listed(self.parameters)}")
-            if not math.isfinite(value) or value < 0:
+            lowest = self.parameters[name].lowest
+            if not math.isfinite(value) or value < lowest:
                 unit = self.parameter_channels.units[self.parameter_channels.index(name)]
-                raise PlantError(f"parameter {name!r} must be finite and not negative [{unit}], got {value}")
+                below = "" if math.isinf(lowest) else " and not negative" if lowest == 0 else f" and at least {lowest}"
+                raise PlantError(f"parameter {name!r} must be finite{below}{f' [{unit}]' if unit else ''}, got {value}")
 
 
 def _require_known(units: Iterable[str], groups: Iterable[Channels]) -> None:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import mujoco
+import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import by_name, instance, require_text
@@ -15,6 +16,7 @@ from invtrack.arrays import finite_number, real_numbers
 from invtrack.errors import PlantError
 from invtrack.plant.couplings import velocity_couplings
 from invtrack.plant.elements import listed
+from invtrack.plant.parameters import element_of_spec
 from invtrack.plant.plant import A_PLANT, Plant
 
 
@@ -31,22 +33,24 @@ def with_input_limits(plant: Plant, limits: Mapping[str, ArrayLike]) -> Plant:
     unknown = [name for name in limits if name not in plant.inputs]
     if unknown:
         raise PlantError(f"limits are given for {listed(unknown)}; the plant's inputs are: {listed(plant.inputs.names)}")
-    model, spec = copy.copy(plant.model), plant.spec.copy()
+    model, spec = copy.copy(plant.model), None if plant.spec is None else plant.spec.copy()
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL:
         raise PlantError(f"plant {plant.name!r} disables the clamping of controls, so limits would do nothing; remove that flag")
     for name, given in limits.items():
-        actuator = spec.actuator(name)
-        if actuator is None:
-            raise PlantError(f"input {name!r} is one of several controls of its actuator; state its ctrlrange in the file")
         bounds = real_numbers(f"limits of input {name!r}", given, error=PlantError)
         if bounds.shape not in ((), (2,)):
             raise PlantError(f"limits of input {name!r} must be a number or two (lowest, highest), got shape {bounds.shape}")
         low, high = (-bounds, bounds) if bounds.ndim == 0 else bounds
         if not (math.isfinite(low) and math.isfinite(high) and low < high):
             raise PlantError(f"limits of input {name!r} must be finite, the lowest before the highest, got {bounds.tolist()}")
-        address = plant.input_addresses[plant.inputs.index(name)]
+        address = int(plant.input_addresses[plant.inputs.index(name)])
+        index = int(np.searchsorted(model.actuator_ctrladr, address, side="right")) - 1
+        if model.actuator_ctrlnum[index] > 1:
+            raise PlantError(f"input {name!r} is one of several controls of its actuator; state its ctrlrange in the file")
         model.actuator_ctrllimited[address], model.actuator_ctrlrange[address] = True, (low, high)
-        actuator.ctrllimited, actuator.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, (low, high)
+        if spec is not None:
+            actuator = element_of_spec(spec, "actuator", index)
+            actuator.ctrllimited, actuator.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, (low, high)
     return replace(plant, model=model, spec=spec)
 
 
@@ -62,10 +66,11 @@ def with_coupling_scaled(plant: Plant, name: str, scale: float) -> Plant:
     known = {coupling.name: coupling for coupling in plant.couplings}
     if name not in known:
         raise PlantError(f"plant {plant.name!r} has no velocity coupling {name!r}; there are: {listed(known)}")
-    model, spec = copy.copy(plant.model), plant.spec.copy()
+    model, spec = copy.copy(plant.model), None if plant.spec is None else plant.spec.copy()
     entries = (scale * known[name].K).ravel()
     start = model.numeric_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_NUMERIC, name)]
     model.numeric_data[start : start + entries.size] = entries
-    for i, entry in enumerate(entries.tolist()):
-        spec.numeric(name).data[i] = entry
+    if spec is not None:
+        for i, entry in enumerate(entries.tolist()):
+            spec.numeric(name).data[i] = entry
     return replace(plant, model=model, spec=spec, couplings=velocity_couplings(model))

@@ -17,6 +17,7 @@ from invtrack.errors import SimulationError
 from invtrack.plant.configuration import configuration_of
 from invtrack.plant.couplings import mujoco_callbacks
 from invtrack.plant.plant import Plant
+from invtrack.simulation.live_readings import LiveReadings
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 STAGES_OF_RK4 = (0, 1, 1, 2)
@@ -64,11 +65,10 @@ class MujocoStepper:
         self._x0 = plant.operating_point_in(self.model).x0
         data.qpos[:], data.qvel[:], data.act[:] = configuration_of(self.model, self._x0, plant.coordinates_of(x))
         self.state: tuple[Array, ...] = (data.qpos, data.qvel, data.act) if self.model.na else (data.qpos, data.qvel)
-        columns = np.concatenate([plant.output_addresses, plant.measurement_addresses])
-        first, last = int(columns.min()), int(columns.max())
-        self.sensors: Array = data.sensordata[first : last + 1]
-        self.output_columns = plant.output_addresses - first
-        self.measurement_columns = plant.measurement_addresses - first
+        outputs, measurements = (readings.readings for readings in (plant.output_readings, plant.measurement_readings))
+        self._live = live = LiveReadings(self.model, data, [*outputs, *measurements])
+        self.sensors: Array = live.values
+        self.output_columns, self.measurement_columns = np.split(live.columns, [len(outputs)])
         self._forward = self._with_forces(mujoco.mj_forward)
         self.control, self.advance = self._control_and_step(plant.input_addresses)
         self._kept = slice(None) if not plant.dropped else plant.state_addresses
@@ -76,7 +76,7 @@ class MujocoStepper:
 
     def _control_and_step(self, inputs: Indices) -> tuple[Array, Callable[[], None]]:
         """Where the input is written, and the function that takes a step."""
-        ctrl, step = self.data.ctrl, self._with_forces(mujoco.mj_step)
+        ctrl, step = self.data.ctrl, self._live.around(self._with_forces(mujoco.mj_step))
         if np.array_equal(inputs, np.arange(inputs[0], inputs[0] + len(inputs))):
             return ctrl[inputs[0] : inputs[-1] + 1], step
         scattered = np.array(ctrl[inputs])
@@ -109,6 +109,7 @@ class MujocoStepper:
     def refresh(self) -> None:
         """Bring `sensors` up to the present state: after mj_step they are one step old."""
         self._forward()
+        self._live.read()
 
     def deviations(self, raw: Array) -> Array:
         """States (k, n), as deviations from the operating point, of raw states (k, nq + nv + na)."""

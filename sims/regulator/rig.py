@@ -66,7 +66,7 @@ def cantilever() -> invtrack.Plant:
         inputs=["base_force"],
         outputs=["tip_position"],
         measurements=MEASUREMENTS,
-        parameters={"tip_mass": invtrack.BodyMass("tip", inertia="fixed")},
+        parameters={"tip_mass": "body:tip:mass"},
     )
 
 

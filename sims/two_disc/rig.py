@@ -35,9 +35,9 @@ def rig() -> invtrack.Plant:
         outputs=["disc2_angle"],
         measurements=MEASUREMENTS,
         parameters={
-            "disc1_mass": invtrack.BodyMass("disc1", inertia="scaled"),
-            "disc2_mass": invtrack.BodyMass("disc2", inertia="scaled"),
-            "shaft_stiffness": invtrack.TendonStiffness("twist"),
+            "disc1_mass": "body:disc1:mass:scaled",
+            "disc2_mass": "body:disc2:mass:scaled",
+            "shaft_stiffness": "tendon:twist:stiffness",
         },
         units={"motor": "1", "shaft_stiffness": "N m/rad"},
     )

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from invtrack.plant.loading import model_path
-from invtrack.plant.parameters import BodyMass
 from invtrack.plant.plant import Plant
 
 # Mass 2 kg on a spring (30 N/m) and damper (0.7 N s/m), driven with gear 3 through a first-order lag of 0.05 s.
@@ -130,5 +129,5 @@ def hinge_pendulum(folder: Path, *, integrator: str = "RK4", timestep: float = 1
 def cantilever() -> Plant:
     """The shipped cantilever with its tip mass as parameter."""
     return Plant.from_xml(
-        model_path("cantilever"), inputs=["base_force"], outputs=["tip_position"], parameters={"tip_mass": BodyMass("tip")}
+        model_path("cantilever"), inputs=["base_force"], outputs=["tip_position"], parameters={"tip_mass": "body:tip:mass"}
     )

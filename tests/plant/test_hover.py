@@ -91,7 +91,7 @@ def test_channels() -> None:
     assert (plant.n_states, len(plant.coordinates), plant.dropped) == (8, 12, tuple(UNSEEN))
     assert plant.states.units == ("rad",) * 2 + ("m/s",) * 3 + ("rad/s",) * 3
     assert plant.outputs.units == ("m/s", "m/s", "m/s", "rad/s")
-    assert plant.inputs.units == ("1",) * 4
+    assert plant.inputs.units == ("",) * 4  # each is a force and a torque in directions of their own
 
 
 def test_only_the_stated_mass_is_there() -> None:

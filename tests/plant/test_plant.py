@@ -37,7 +37,6 @@ def test_outputs_are_what_they_say(tmp_path: Path) -> None:
     assert plant.outputs.units == ("m", "m/s", "m", "m", "m", "m", "m")
     data = plant.at(qpos=[0.25], qvel=[-2.0]).new_data()
     assert plant.measure(data) == pytest.approx([0.25, -2.0, 0.25, 0.5, 0.25, 0.5, 0.25])
-    assert np.array_equal(data.sensordata[plant.output_addresses], plant.measure(data))
 
 
 def test_activations_are_states(tmp_path: Path) -> None:
@@ -81,7 +80,7 @@ def test_another_operating_point_leaves_the_first_alone(tmp_path: Path) -> None:
     plant.at(qpos=[5.0])
     assert plant.operating_point.y0 == pytest.approx([0.0])
     with pytest.raises(dataclasses.FrozenInstanceError):
-        plant.path = tmp_path  # type: ignore[misc]
+        plant.source = ""  # type: ignore[misc]
     with pytest.raises(ValueError, match="read-only"):
         plant.configuration.qpos[:] = 1
 
@@ -114,13 +113,19 @@ def test_a_model_with_another_timestep_is_still_the_plants() -> None:
         ({"inputs": "drive"}, r"expected a list of distinct input names"),
         ({"inputs": ["drive", "drive"]}, r"expected a list of distinct input names"),
         ({"inputs": ["drive[1]"]}, r"'drive\[1\]' is beyond the 1 component"),
-        ({"outputs": ["tip"]}, r"no sensor is named 'tip'; there are: acceleration, place, position. An output is one of"),
+        (
+            {"outputs": ["tip"]},
+            r"no sensor or state is named 'tip'; the sensors are: acceleration, place, position; the states are: x, x vel",
+        ),
         ({"outputs": ["place"]}, r"sensor 'place' has 3 components; choose one, for instance 'place\[0\]'"),
         ({"outputs": ["place[3]"]}, r"'place\[3\]' is beyond the 3 component"),
         ({"outputs": ["joint:y"]}, r"no joint named 'y'; there are: x"),
         ({"outputs": ["joint:y:velocity"]}, r"no joint named 'y'; there are: x"),
         ({"outputs": ["site:end:x"]}, r"no site named 'end'; there are: mark"),
-        ({"outputs": ["site:mark:w"]}, r"no sensor is named 'site:mark:w'"),
+        (
+            {"outputs": ["site:mark:w"]},
+            r"no output is named 'site:mark:w'; of this element there are: site:mark:x, .*site:mark:roll",
+        ),
         ({"units": {"drve": "V"}}, r"units are given for drve; the channels and parameters are: drive, drive activation"),
         ({"keyframe": "start"}, r"no keyframe named 'start'; there are: none"),
         ({"parameters": {"tip mass": None}}, r"'tip mass' cannot be written as a keyword"),
@@ -134,7 +139,7 @@ def test_bad_names_are_answered_with_the_known_ones(tmp_path: Path, options: dic
 @pytest.mark.parametrize(
     ("old", "new", "options", "message"),
     [
-        ("</mujoco>", "<boddy/></mujoco>", {}, r"model.xml is not valid MJCF"),
+        ("</mujoco>", "<boddy/></mujoco>", {}, r"model.xml cannot be read as MJCF"),
         ('mass="2"', 'mass="0"', {}, r"does not compile.*mass"),
         ('dyntype="filter"', 'dyntype="filter" delay="0.01" nsample="20"', {}, r"drive: delays and history buffers"),
         ('joint="x"/>\n    <framepos', 'joint="x" delay="0.01" nsample="20"/>\n    <framepos', {}, r"position: delays and history"),
@@ -152,11 +157,6 @@ def test_unusable_models_are_refused(tmp_path: Path, old: str, new: str, options
 def test_missing_file(tmp_path: Path) -> None:
     with pytest.raises(PlantError, match=r"there is no file .*nowhere.xml; give the path"):
         Plant.from_xml(tmp_path / "nowhere.xml", inputs=["u"], outputs=["y"])
-
-
-def test_joint_outputs_need_a_scalar_joint(tmp_path: Path) -> None:
-    with pytest.raises(PlantError, match=r"'joint:ball' needs a slide or hinge"):
-        plant_of(tmp_path, BALL_PENDULUM, inputs=["torque_x"], outputs=["joint:ball"])
 
 
 @pytest.mark.parametrize("arrays", [{"qpos": [1, 2]}, {"qvel": [np.nan]}, {"act": []}, {"ctrl": [1, 2]}])

@@ -31,7 +31,7 @@ def cantilever_plant(measurements: tuple[str, ...] | None = None) -> invtrack.Pl
         inputs=["base_force"],
         outputs=["tip_position"],
         measurements=measurements,
-        parameters={"tip_mass": invtrack.BodyMass("tip")},
+        parameters={"tip_mass": "body:tip:mass"},
     )
 
 

@@ -29,9 +29,7 @@ OSCILLATOR = """
 def oscillator(folder: Path, *, integrator: str = "RK4", stiffness: float = 8.0, limits: str = "") -> invtrack.Plant:
     path = folder / "oscillator.xml"
     path.write_text(OSCILLATOR.format(integrator=integrator, stiffness=stiffness, limits=limits))
-    return invtrack.Plant.from_xml(
-        path, inputs=["force"], outputs=["position"], parameters={"mass": invtrack.BodyMass("cart", inertia="scaled")}
-    )
+    return invtrack.Plant.from_xml(path, inputs=["force"], outputs=["position"], parameters={"mass": "body:cart:mass:scaled"})
 
 
 def plan(plant: invtrack.Plant, **options: float) -> invtrack.Plan:
@@ -43,7 +41,7 @@ def test_architecture_program_runs_as_written(tmp_path: Path) -> None:
         invtrack.model_path("cantilever"),
         inputs=["base_force"],
         outputs=["tip_position"],
-        parameters={"tip_mass": invtrack.BodyMass("tip", inertia="fixed")},
+        parameters={"tip_mass": "body:tip:mass"},
     )
     light, heavy = (invtrack.linearize(plant, tip_mass=m) for m in (0.0, 100.0))
     model = invtrack.SwitchedSystem([light, heavy], switch_times=[3.0])

@@ -23,7 +23,7 @@ CARTS = """
   <sensor><jointpos name="position" joint="slide"/></sensor>
 </mujoco>
 """
-PARAMETERS = {"mass": invtrack.BodyMass("cart"), "damping": invtrack.JointDamping("slide")}
+PARAMETERS = {"mass": "body:cart:mass", "damping": "joint:slide:damping"}
 SLEW = invtrack.rest_to_rest(0.0, 1.0, 1.0)
 
 
