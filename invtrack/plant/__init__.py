@@ -14,8 +14,6 @@ __all__ = [
     "Configuration",
     "Parameter",
     "Plant",
-    "TendonDamping",
-    "TendonStiffness",
     "TrimPoint",
     "TrimmedQuantity",
     "linearize",

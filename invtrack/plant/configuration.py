@@ -10,13 +10,15 @@ the plain difference; for the quaternion of a ball or free joint it is the rotat
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arguments import require_text
+from invtrack.arguments import by_name, require_text
 from invtrack.arrays import Array, real_numbers, shown
 from invtrack.errors import PlantError
 from invtrack.plant.elements import element_id
@@ -98,16 +100,17 @@ class Configuration:
             mujoco.mj_resetDataKeyframe(model, data, element_id(model, "keyframe", keyframe))
         return cls(**{field.name: np.array(getattr(data, field.name)) for field in fields(cls)}).normalized(model)
 
-    def replaced(self, model: mujoco.MjModel, **arrays: ArrayLike | None) -> Configuration:
-        """A copy with some arrays replaced (None keeps what is there). Raises PlantError for wrong sizes or non-finite entries."""
+    def replaced(self, model: mujoco.MjModel, **arrays: ArrayLike | Mapping[str, ArrayLike] | None) -> Configuration:
+        """A copy with some arrays replaced (None keeps what is there), whole or by the names of joints and actuators.
+
+        Raises PlantError for wrong sizes, entries that are not finite, and unknown names.
+        """
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         for name, value in arrays.items():
-            if value is None:
-                continue
-            array = real_numbers(name, value, error=PlantError)
-            if array.shape != values[name].shape or not np.all(np.isfinite(array)):
-                raise PlantError(f"{name} must hold {values[name].size} finite numbers, got {shown(value)}")
-            values[name] = array
+            if isinstance(value, Mapping):
+                values[name] = _with_entries(model, name, values[name], value)
+            elif value is not None:
+                values[name] = _finite(name, value, values[name].shape)
         return Configuration(**values).normalized(model)
 
     def normalized(self, model: mujoco.MjModel) -> Configuration:
@@ -126,3 +129,35 @@ class Configuration:
     def x0(self) -> Array:
         """(qpos, qvel, act) as one vector (nq + nv + na,), the x0 of an operating point."""
         return np.concatenate([self.qpos, self.qvel, self.act])
+
+
+def _with_entries(model: mujoco.MjModel, name: str, present: Array, entries: Mapping[str, ArrayLike]) -> Array:
+    """The array with the entries of named joints (qpos, qvel) or actuators (act, ctrl) replaced."""
+    kind = "joint" if name in ("qpos", "qvel") else "actuator"
+    entries = by_name(name, entries, expected=f"values by the names of {kind}s", error=PlantError)
+    result = np.array(present)
+    for element, value in entries.items():
+        where = _entries_of(model, name, element_id(model, kind, element))
+        shape = (where.stop - where.start,)
+        number = real_numbers(f"{name} of {kind} {element!r}", value, error=PlantError)
+        result[where] = _finite(f"{name} of {kind} {element!r}", number[np.newaxis] if number.ndim == 0 else number, shape)
+    return result
+
+
+def _entries_of(model: mujoco.MjModel, name: str, index: int) -> slice:
+    """Where the entries of a joint or actuator stand."""
+    if name in ("qpos", "qvel"):
+        first, n = (model.jnt_qposadr, model.nq) if name == "qpos" else (model.jnt_dofadr, model.nv)
+        return slice(int(first[index]), int(first[index + 1]) if index + 1 < model.njnt else int(n))
+    if name == "act":
+        first, count = int(model.actuator_actadr[index]), int(model.actuator_actnum[index])
+        return slice(max(first, 0), max(first, 0) + count)
+    first, count = int(model.actuator_ctrladr[index]), int(model.actuator_ctrlnum[index])
+    return slice(first, first + count)
+
+
+def _finite(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Array:
+    array = real_numbers(name, value, error=PlantError)
+    if array.shape != shape or not np.all(np.isfinite(array)):
+        raise PlantError(f"{name} must hold {math.prod(shape)} finite numbers, got {shown(value)}")
+    return array

@@ -17,6 +17,9 @@ from invtrack.plant.elements import element_name, listed
 Source: TypeAlias = str | Path | mujoco.MjSpec | mujoco.MjModel
 """The path of an MJCF file, MJCF text, a specification, or a compiled model."""
 
+LONGEST_NAME = 256
+"""Characters of a path that a message repeats."""
+
 _EXPECTED = "the path of an MJCF file, MJCF text, a mujoco.MjSpec or a mujoco.MjModel"
 
 
@@ -93,14 +96,22 @@ def _specification(source: Source) -> tuple[mujoco.MjSpec, str]:
             raise PlantError(f"the MJCF text cannot be read: {error}") from error
     if not isinstance(source, (str, Path)) or not Path(source).name:
         raise PlantError(f"expected {_EXPECTED}, got {shown(source)}")
-    if not Path(source).is_file():
+    if not _is_file(source):
+        named = str(source) if len(str(source)) < LONGEST_NAME else shown(source)
         raise PlantError(
-            f"there is no file {source}; give {_EXPECTED} (text begins with '<'), or invtrack.model_path(name) of a shipped model"
+            f"there is no file {named}; give {_EXPECTED} (text begins with '<'), or invtrack.model_path(name) of a shipped model"
         )
     try:
         return mujoco.MjSpec.from_file(str(source)), str(source)
     except ValueError as error:
         raise PlantError(f"{source} cannot be read as MJCF: {error}") from error
+
+
+def _is_file(path: str | Path) -> bool:
+    try:
+        return Path(path).is_file()
+    except OSError:  # a name longer than file systems know, say
+        return False
 
 
 def _fix_what_the_compiler_chose(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:

@@ -140,20 +140,21 @@ class Plant:
     def at(
         self,
         *,
-        qpos: ArrayLike | None = None,
-        qvel: ArrayLike | None = None,
-        act: ArrayLike | None = None,
-        ctrl: ArrayLike | None = None,
+        qpos: ArrayLike | Mapping[str, ArrayLike] | None = None,
+        qvel: ArrayLike | Mapping[str, ArrayLike] | None = None,
+        act: ArrayLike | Mapping[str, ArrayLike] | None = None,
+        ctrl: ArrayLike | Mapping[str, ArrayLike] | None = None,
         keyframe: str | None = None,
     ) -> Plant:
         """The same plant at another operating point, which need not be an equilibrium: `trim` finds those.
 
         Args:
-            qpos, qvel, act: positions (nq,), velocities (nv,) and activations (na,); None: as they are.
-            ctrl: controls of all actuators (nu,); None: as they are.
+            qpos, qvel: positions (nq,) and velocities (nv,), or those of some joints by name, as {"elbow": 0.3} or, of a ball
+                joint, {"wrist": [1, 0, 0, 0]}; None: as they are.
+            act, ctrl: activations (na,) and controls (nu,) of all actuators, or those of some by name; None: as they are.
             keyframe: name of the keyframe to start from; this plant's operating point unless given.
 
-        Raises PlantError for wrong sizes or an unknown keyframe.
+        Raises PlantError for wrong sizes and unknown names.
         """
         start = self.configuration if keyframe is None else Configuration.of_model(self.model, keyframe)
         return replace(self, configuration=start.replaced(self.model, qpos=qpos, qvel=qvel, act=act, ctrl=ctrl))

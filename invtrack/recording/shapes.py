@@ -57,17 +57,17 @@ def to_bytes(rgba: Array) -> NDArray[np.uint8]:
 
 def body_name(model: mujoco.MjModel, body: int) -> str:
     """Name of a body in the recording."""
-    return str(model.body(body).name) or f"body_{body}"
+    return str(model.body(body).name) or f"body {body}"
 
 
 def geom_name(model: mujoco.MjModel, geom: int) -> str:
     """Name of a geom in the recording."""
-    return str(model.geom(geom).name) or f"geom_{geom}"
+    return str(model.geom(geom).name) or f"geom {geom}"
 
 
 def tendon_name(model: mujoco.MjModel, tendon: int) -> str:
     """Name of a tendon in the recording."""
-    return str(model.tendon(tendon).name) or f"tendon_{tendon}"
+    return str(model.tendon(tendon).name) or f"tendon {tendon}"
 
 
 def visible_geoms(model: mujoco.MjModel, body: int) -> list[int]:

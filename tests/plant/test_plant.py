@@ -159,6 +159,22 @@ def test_missing_file(tmp_path: Path) -> None:
         Plant.from_xml(tmp_path / "nowhere.xml", inputs=["u"], outputs=["y"])
 
 
+def test_an_operating_point_by_the_names_of_joints_and_actuators(tmp_path: Path) -> None:
+    free = plant_of(tmp_path, FREE_BODY, inputs=["thrust"], outputs=["site:centre:z"])
+    assert free.at(qpos={"craft": [1, 2, 3, 2, 0, 0, 0]}, ctrl={"thrust": 4.0}).configuration.qpos.tolist() == [1, 2, 3, 1, 0, 0, 0]
+    moved = slider(tmp_path).at(qpos={"x": 0.1}, qvel={"x": 2.0}).at(act={"drive": 0.4}, ctrl={"drive": [0.7]})
+    assert moved.operating_point.x0 == pytest.approx([0.1, 2.0, 0.4])
+    assert moved.operating_point.u0 == pytest.approx([0.7])
+    for arrays, message in (
+        ({"qpos": {"y": 1.0}}, r"no joint named 'y'; there are: x"),
+        ({"ctrl": {"x": 1.0}}, r"no actuator named 'x'; there are: drive"),
+        ({"qpos": {"x": [1.0, 2.0]}}, r"qpos of joint 'x' must hold 1 finite numbers, got"),
+        ({"qvel": {"x": np.nan}}, r"qvel of joint 'x' must hold 1 finite numbers, got"),
+    ):
+        with pytest.raises(PlantError, match=message):
+            slider(tmp_path).at(**arrays)
+
+
 @pytest.mark.parametrize("arrays", [{"qpos": [1, 2]}, {"qvel": [np.nan]}, {"act": []}, {"ctrl": [1, 2]}])
 def test_wrong_operating_points_are_refused(tmp_path: Path, arrays: dict[str, Any]) -> None:
     with pytest.raises(PlantError, match=rf"{next(iter(arrays))} must hold 1 finite numbers, got"):

@@ -110,6 +110,7 @@ def test_a_name_of_the_file_comes_before_an_index() -> None:
             "nowhere.xml",
             r"there is no file nowhere.xml; give the path of an MJCF file, MJCF text, a mujoco.MjSpec or .*begins with '<'",
         ),
+        ("mujoco " * 1000, r"there is no file a str; give the path of an MJCF file"),
         ("", r"expected the path of an MJCF file, MJCF text, a mujoco.MjSpec or a mujoco.MjModel, got ''"),
         (3, r"expected the path of an MJCF file, MJCF text, .* got 3"),
         (Path(), r"expected the path of an MJCF file"),
