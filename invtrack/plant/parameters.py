@@ -79,6 +79,11 @@ class ElementParameter:
         self._quantity.write_spec(element, self.component, value, reference)
 
     @property
+    def identity(self) -> tuple[object, ...]:
+        """Equal for two parameters that are one quantity, as a mass is whatever happens to the inertia."""
+        return (self.kind, self.element, self._quantity.attribute, self.component)
+
+    @property
     def _quantity(self) -> Quantity:
         return QUANTITIES[self.kind][self.quantity]
 
@@ -105,7 +110,10 @@ def named_parameters(model: mujoco.MjModel, parameters: Mapping[str, str | Param
     """
     if not isinstance(parameters, Mapping):
         expected = 'paths such as "body:tip:mass", or a dict of paths by names of your own'
-        parameters = {path: path for path in texts("parameters", parameters, expected=expected, error=PlantError)}
+        paths = texts("parameters", parameters, expected=expected, error=PlantError)
+        if len(set(paths)) != len(paths):
+            raise PlantError(f"parameters must be distinct paths, got {listed(paths)}")
+        parameters = {path: path for path in paths}
     given = by_name("parameters", parameters, expected='paths such as "body:tip:mass" by names of your own', error=PlantError)
     found: dict[str, Parameter] = {}
     for name, value in given.items():
@@ -118,7 +126,18 @@ def named_parameters(model: mujoco.MjModel, parameters: Mapping[str, str | Param
         else:
             found[name] = value
         found[name].read(model)  # raises where it names nothing in this model
+    _require_distinct_quantities(found)
     return found
+
+
+def _require_distinct_quantities(parameters: Mapping[str, Parameter]) -> None:
+    """Refuse two parameters that are one quantity: setting one of them would silently set the other."""
+    seen: dict[tuple[object, ...], str] = {}
+    for name, parameter in parameters.items():
+        if isinstance(parameter, ElementParameter):
+            other = seen.setdefault(parameter.identity, name)
+            if other != name:
+                raise PlantError(f"parameters {other!r} and {name!r} are the same quantity; name it once")
 
 
 def parameter_at(path: str, model: mujoco.MjModel) -> ElementParameter:
@@ -157,8 +176,18 @@ def _parameter_of(path: str, model: mujoco.MjModel, kind: str, element: str, nam
     )
 
 
+def as_arguments(values: Mapping[str, float]) -> str:
+    """Values of parameters as they are written in a call: "tip_mass=3.0, **{'body:cart:mass': 2.0}"."""
+    named = [f"{name}={value!r}" for name, value in values.items() if name.isidentifier()]
+    paths = {name: value for name, value in values.items() if not name.isidentifier()}
+    return ", ".join([*named, *([f"**{paths}"] if paths else [])])
+
+
 class Change:
-    """At `time` [s] the named parameters take new values, as in Change(3.0, tip_mass=100.0); the state is continuous."""
+    """At `time` [s] the named parameters take new values, as in Change(3.0, tip_mass=100.0); the state is continuous.
+
+    A parameter whose name is its path is given as Change(3.0, **{"body:tip:mass": 100.0}).
+    """
 
     def __init__(self, time: float, **parameters: float) -> None:
         self.time = finite_number("the time of a change", time, unit="s", error=SimulationError)
@@ -169,7 +198,7 @@ class Change:
         self.parameters = {name: finite_number(name, value, error=SimulationError) for name, value in parameters.items()}
 
     def __repr__(self) -> str:
-        return f"Change({self.time}, {', '.join(f'{k}={v}' for k, v in self.parameters.items())})"
+        return f"Change({self.time}, {as_arguments(self.parameters)})"
 
 
 def ordered(schedule: Sequence[Change]) -> list[Change]:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import by_name, texts
-from invtrack.arrays import Array, real_numbers
+from invtrack.arrays import Array, real_number, real_numbers
 from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import OperatingPoint
@@ -305,8 +305,8 @@ class Plant:
         for name, value in values.items():
             if name not in self.parameters:
                 raise PlantError(f"plant {self.name!r} has no parameter {name!r}; there are: {listed(self.parameters)}")
-            lowest = self.parameters[name].lowest
-            if not math.isfinite(value) or value < lowest:
+            lowest, number = self.parameters[name].lowest, real_number(f"parameter {name!r}", value, error=PlantError)
+            if not math.isfinite(number) or number < lowest:
                 unit = self.parameter_channels.units[self.parameter_channels.index(name)]
                 below = "" if math.isinf(lowest) else " and not negative" if lowest == 0 else f" and at least {lowest}"
                 raise PlantError(f"parameter {name!r} must be finite{below}{f' [{unit}]' if unit else ''}, got {value}")

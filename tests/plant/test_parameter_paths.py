@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -242,3 +243,31 @@ def test_names_of_parameters_are_keywords_or_their_paths() -> None:
         Plant.from_xml(WORKSHOP, inputs=["winch"], outputs=["joint:reach"], parameters={"tip mass": "body:hand:mass"})
     with pytest.raises(PlantError, match='must be a path such as "body:tip:mass", got 3'):
         Plant.from_xml(WORKSHOP, inputs=["winch"], outputs=["joint:reach"], parameters={"mass": 3})  # type: ignore[dict-item]
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        (["body:hand:mass", "body:hand:mass"], "must be distinct paths"),
+        ({"m": "body:hand:mass", "load": "body:hand:mass"}, "'m' and 'load' are the same quantity"),
+        (["body:hand:mass", "body:hand:mass:scaled"], "are the same quantity"),
+        ("body:hand:mass", "must be paths such as"),
+    ],
+)
+def test_each_quantity_is_named_once(parameters: Any, message: str) -> None:
+    with pytest.raises(PlantError, match=message):
+        Plant.from_xml(WORKSHOP, inputs=["winch"], outputs=["joint:reach"], parameters=parameters)
+    Plant.from_xml(WORKSHOP, inputs=["winch"], outputs=["joint:reach"], parameters=["actuator:reach:kp", "actuator:reach:bias[0]"])
+
+
+@pytest.mark.parametrize("value", ["heavy", None, [1.0, 2.0], 1 + 2j])
+def test_values_are_numbers(value: Any) -> None:
+    plant = workshop("body:hand:mass")
+    with pytest.raises(PlantError, match="parameter 'body:hand:mass' must be"):
+        plant.model_with({"body:hand:mass": value})
+
+
+def test_a_change_reads_as_it_is_written() -> None:
+    change = invtrack.Change(3.0, tip_mass=2.0, **{"body:cart:mass": 1.5, "joint:x:damping": 0.0})
+    assert repr(change) == "Change(3.0, tip_mass=2.0, **{'body:cart:mass': 1.5, 'joint:x:damping': 0.0})"
+    assert eval(repr(change), {"Change": invtrack.Change}).parameters == change.parameters
