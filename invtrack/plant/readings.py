@@ -5,9 +5,9 @@ orientation R0 at a reference configuration, in the convention of vehicles (ZYX,
 
     R = R0 Rz(yaw) Ry(pitch) Rx(roll),    -pi < yaw, roll <= pi,    -pi/2 <= pitch <= pi/2.
 
-All three are 0 at the reference, smooth around it as long as |pitch| < pi/2, and to first order the components about z, y, x of the
-rotation vector in the frame at the reference. The components rx, ry, rz of a ball or free joint's rotation are that rotation vector
-itself, smooth up to half a turn.
+All three are 0 at the reference, smooth around it as long as |pitch| < pi/2 (a run follows yaw and roll over any number of turns),
+and to first order the components about z, y, x of the rotation vector in the frame at the reference. The components rx, ry, rz of a
+ball or free joint's rotation are that rotation vector itself, smooth up to half a turn.
 """
 
 from __future__ import annotations
@@ -43,13 +43,18 @@ _STAGES: dict[str, Stage] = {
 
 
 class Reading(Protocol):
-    """One number read from MuJoCo's data. stage: what has to be up to date. unit: of the value."""
+    """One number read from MuJoCo's data. stage: what has to be up to date. unit: of the value. period: what it is only known up to
+    a multiple of, 0 where it is known; a run follows it from one step to the next.
+    """
 
     @property
     def stage(self) -> Stage: ...
 
     @property
     def unit(self) -> str: ...
+
+    @property
+    def period(self) -> float: ...
 
     def value(self, data: mujoco.MjData) -> float: ...
 
@@ -65,6 +70,7 @@ class Entry:
     array: str
     index: int | tuple[int, int]
     unit: str
+    period: float = 0.0
 
     @property
     def stage(self) -> Stage:
@@ -87,6 +93,10 @@ class Attitude:
     R0: Array
     stage: Stage = "position"
     unit: str = "rad"
+
+    @property
+    def period(self) -> float:
+        return 0.0 if self.angle == "pitch" else 2 * math.pi
 
     def value(self, data: mujoco.MjData) -> float:
         R = self._turn(data)
@@ -120,6 +130,7 @@ class RotationVector:
     q0: Array
     stage: Stage = "state"
     unit: str = "rad"
+    period: float = 0.0
 
     def value(self, data: mujoco.MjData) -> float:
         return float(self._vector(data)[self.component])
@@ -143,6 +154,7 @@ class Distance:
     second: int
     stage: Stage = "position"
     unit: str = "m"
+    period: float = 0.0
 
     def value(self, data: mujoco.MjData) -> float:
         return math.dist(data.site_xpos[self.first], data.site_xpos[self.second])

@@ -15,7 +15,8 @@ class LiveReadings:
     """Readings of data that are being stepped, at each step's start, in memory that a loop reads.
 
     MuJoCo leaves sensordata at their values at the step's start, and everything else somewhere beyond it: so the others are read
-    before the step. Where all of them are sensors, `values` is a view of sensordata and nothing need be copied.
+    before the step. Angles go on from their last value, over any number of turns. Where all of them are sensors, `values` is a
+    view of sensordata and nothing need be copied.
 
     values (k,): those of `readings[columns[i]]` stand at i. columns: where each reading stands in `values`.
     """
@@ -57,7 +58,11 @@ class LiveReadings:
 
     def _read_early(self) -> None:
         for i, reading in self._early:
-            self.values[i] = reading.value(self._data)
+            value = reading.value(self._data)
+            behind = self.values[i] - value
+            if reading.period and abs(behind) > reading.period / 2:  # not so for NaN, when a run diverges
+                value += reading.period * round(behind / reading.period)
+            self.values[i] = value
 
     def _read_sensors(self) -> None:
         if len(self._late):

@@ -207,6 +207,26 @@ def test_a_pendulum_follows_a_body_angle_through_a_run() -> None:
         np.testing.assert_allclose(runs[name].output.values, runs["joint:swing"].output.values, rtol=0, atol=1e-11)
 
 
+def test_a_run_follows_a_yaw_over_several_turns() -> None:
+    """A turntable by 9 rad: the yaw of what stands on it is its hinge's angle throughout."""
+    text = """
+<mujoco><option integrator="RK4"/><worldbody><body name="table" euler="20 30 40"><joint name="turn" axis="0 0 1" damping="0.1"/>
+<geom type="cylinder" size="0.5 0.1" mass="2"/><site name="guest" pos="0.3 0 0"/></body></worldbody>
+<actuator><motor name="drive" joint="turn"/></actuator></mujoco>"""
+    plant = Plant.from_xml(text, inputs=["drive"], outputs=["site:guest:yaw"], measurements=["joint:turn", "site:guest:yaw"])
+    model = invtrack.linearize(plant)
+    plan = invtrack.invert(model, invtrack.rest_to_rest(0.0, 9.0, duration=2.0))
+    for controller in (
+        invtrack.TrackingController(plan, invtrack.lqr(model, Q=1.0, R=1.0)),
+        invtrack.OutputFeedbackController(
+            plan, invtrack.lqr(model, Q=1.0, R=1.0), invtrack.KalmanFilter(input_noise=1e-3, measurement_noise=1e-3), period=0.02
+        ),
+    ):
+        run = invtrack.simulate(plant, controller, timestep=1e-2)
+        np.testing.assert_allclose(run.output.values[:, 0], run.state.values[:, 0], rtol=0, atol=1e-12)
+        assert invtrack.max_error(run) < 1e-3
+
+
 @pytest.mark.parametrize(
     ("output", "qpos", "message"),
     [
@@ -247,3 +267,13 @@ def test_where_an_output_is_not_smooth_there_is_no_linear_model(output: str, qpo
 def test_what_is_no_output_is_answered_with_those_there_are(output: str, message: str) -> None:
     with pytest.raises(PlantError, match=message):
         craft([output])
+
+
+def test_angles_of_a_diverging_run_do_no_harm() -> None:
+    text = HINGE_PENDULUM.format(integrator="Euler", timestep=1e-3, limit=1e9).replace('damping="0.3"', 'damping="-900"')
+    plant = Plant.from_xml(text, inputs=["torque"], outputs=["body:arm:yaw"], measurements=["body:arm:pitch", "body:arm:yaw"])
+    stepper = MujocoStepper(plant, np.array([0.1, 1.0]), {})
+    for _ in range(3000):
+        stepper.advance()
+    stepper.refresh()
+    assert stepper.failed()
