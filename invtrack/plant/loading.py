@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 import mujoco
+import numpy as np
 
 from invtrack.arrays import shown
 from invtrack.errors import PlantError
@@ -116,7 +117,8 @@ def _is_file(path: str | Path) -> bool:
 
 def _fix_what_the_compiler_chose(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
     """Put into the specification what the compiler derived from other quantities, which later changes of those are to leave alone:
-    rest lengths of tendons, dampings of servos from a damping ratio, springs and dampers of joints from a time constant.
+    rest lengths of tendons, dampings of servos from a damping ratio, length ranges of muscles, springs and dampers of joints from a
+    time constant.
     """
     for tendon in spec.tendons:
         if tendon.springlength[0] < 0:
@@ -124,6 +126,8 @@ def _fix_what_the_compiler_chose(spec: mujoco.MjSpec, model: mujoco.MjModel) -> 
     for actuator in spec.actuators:
         if actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE and actuator.biasprm[2] > 0:
             actuator.biasprm[2] = model.actuator_biasprm[actuator.id, 2]
+        if not np.any(actuator.lengthrange):
+            actuator.lengthrange = model.actuator_lengthrange[actuator.id]
     for joint in spec.joints:
         if joint.springdamper[0] > 0 and joint.springdamper[1] > 0:
             joint.springdamper = (0.0, 0.0)

@@ -304,7 +304,10 @@ class Plant:
     def _check(self, values: Mapping[str, float]) -> None:
         for name, value in values.items():
             if name not in self.parameters:
-                raise PlantError(f"plant {self.name!r} has no parameter {name!r}; there are: {listed(self.parameters)}")
+                raise PlantError(
+                    f"plant {self.name!r} has no parameter {name!r}; there are: {listed(self.parameters)}. They are stated with the"
+                    ' plant, as Plant.from_xml(..., parameters=["body:tip:mass"])'
+                )
             lowest, number = self.parameters[name].lowest, real_number(f"parameter {name!r}", value, error=PlantError)
             if not math.isfinite(number) or number < lowest:
                 unit = self.parameter_channels.units[self.parameter_channels.index(name)]

@@ -52,8 +52,11 @@ def require_known_parameters(plant: SimulatedPlant, changes: Iterable[Change]) -
     for change in changes:
         unknown = [name for name in change.parameters if name not in plant.parameters]
         if unknown:
-            known = ", ".join(plant.parameters.names) or "none (a linear model switches by its own switch times)"
-            raise SimulationError(f"{change} names unknown parameters {unknown}; the plant's are: {known}")
+            known = ", ".join(plant.parameters.names) or "none"
+            raise SimulationError(
+                f"{change} names unknown parameters {unknown}; the plant's are: {known}. Those of a MuJoCo plant are stated with"
+                ' it, as Plant.from_xml(..., parameters=["body:tip:mass"]); a linear model switches by its own switch times'
+            )
 
 
 def require_planned_parameters(plant: SimulatedPlant, planned: Iterable[str]) -> None:

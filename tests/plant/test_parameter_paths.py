@@ -169,6 +169,26 @@ def test_what_the_compiler_derives_from_others_stays_as_it_was() -> None:
     assert model.actuator_biasprm[0, 2] == plant.model.actuator_biasprm[0, 2] < 0
 
 
+def test_the_length_range_of_a_muscle_stays_as_it_was() -> None:
+    """It is measured by MuJoCo's compiler along the tendon, in units of the gear."""
+    text = """
+<mujoco>
+  <worldbody>
+    <site name="top" pos="0 0 0.5"/>
+    <body name="arm">
+      <joint name="turn" axis="0 1 0" range="-60 60" damping="0.1"/>
+      <geom type="capsule" fromto="0 0 0 0.5 0 -0.2" size="0.03" mass="1"/><site name="grip" pos="0.2 0 0"/>
+    </body>
+  </worldbody>
+  <tendon><spatial name="sinew"><site site="top"/><site site="grip"/></spatial></tendon>
+  <actuator><muscle name="flexor" tendon="sinew"/></actuator>
+</mujoco>"""
+    values = {"body:arm:mass:scaled": 7.0, "actuator:flexor:gear": 2.0}
+    plant = Plant.from_xml(text, inputs=["flexor"], outputs=["tendon:sinew"], parameters=list(values))
+    assert np.diff(plant.model.actuator_lengthrange)[0] > 0.1
+    assert_same_model(plant.model_with(values), plant.compiled_with(values), rtol=1e-13)
+
+
 def test_springs_from_a_time_constant_can_be_changed() -> None:
     text = WORKSHOP.replace(
         'type="slide" axis="1 0 0" stiffness="7" damping="0.3"', 'type="slide" axis="1 0 0" springdamper="0.1 1"'

@@ -80,7 +80,15 @@ def test_what_is_given_is_copied(kind: type) -> None:
 def test_elements_without_a_name_go_by_kind_and_index() -> None:
     spec = mujoco.MjSpec.from_string(UNNAMED.format(joint="j").replace("<joint type", '<joint name="j" type'))
     spec.add_actuator(target="j", trntype=mujoco.mjtTrn.mjTRN_JOINT)
-    plant = Plant.from_xml(spec, inputs=["actuator 0"], outputs=["site:site 0:x"])
+    spec.add_sensor(type=mujoco.mjtSensor.mjSENS_JOINTPOS, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname="j")
+    everything = ["site:site 0:x", "sensor 0", "tendon:tendon 0", "body:body 1:yaw"]
+    plant = Plant.from_xml(spec, inputs=["actuator 0"], outputs=["site:site 0:x"], measurements=everything)
+    assert plant.at(qpos={"j": 0.7}).measurement_readings.values(plant.at(qpos={"j": 0.7}).new_data()).tolist() == [
+        0.7,
+        0.7,
+        0.7,
+        0,
+    ]
     assert plant.inputs.names == ("actuator 0",)
     assert invtrack.linearize(plant).B[1, 0] == pytest.approx(0.5)
     limited = with_input_limits(plant, {"actuator 0": 3.0})
