@@ -116,12 +116,6 @@ def test_step_maps(tmp_path: Path, old: str, new: str, message: str) -> None:
         linearize(plant)
 
 
-def test_unequal_numbers_of_inputs_and_outputs(tmp_path: Path) -> None:
-    plant = plant_of(tmp_path, BALL_PENDULUM, inputs=["torque_x"], outputs=["site:bob:x", "site:bob:y"])
-    with pytest.raises(PlantError, match=r"as many outputs as inputs, got 2 \(site:bob:x, site:bob:y\) for 1 \(torque_x\)"):
-        linearize(plant)
-
-
 @pytest.mark.parametrize("step", [0.0, -1e-3, 2.0, float("nan")])
 def test_bad_steps(tmp_path: Path, step: float) -> None:
     with pytest.raises(PlantError, match="step must lie between 0 and 1"):

@@ -13,7 +13,6 @@ import scipy.optimize
 
 from invtrack.plant.equilibrium.trim import trim
 from invtrack.plant.linearize import linearize
-from invtrack.plant.parameters import BodyMass
 from invtrack.plant.plant import Plant
 from tests.plant.loaded_mechanisms import (
     ARM_IN_UNITS,
@@ -279,7 +278,7 @@ def test_equality_constraints(tmp_path: Path) -> None:
 
 def test_after_a_change_of_a_parameter(tmp_path: Path) -> None:
     """With the same output the torque grows with the mass; with the same torque the angle follows."""
-    plant = trim(hinge_pendulum(tmp_path, parameters={"bob": BodyMass("arm")}), outputs=[0.4]).plant
+    plant = trim(hinge_pendulum(tmp_path, parameters={"bob": "body:arm:mass"}), outputs=[0.4]).plant
     same_output = trim(plant, outputs=plant.operating_point.y0, bob=2.0)
     assert same_output.controls["torque"] == pytest.approx(2.0 * G * 0.5 * np.sin(0.4), rel=1e-12)
     same_control = trim(plant, controls=plant.operating_point.u0, bob=2.0)
@@ -351,7 +350,7 @@ def test_table(tmp_path: Path) -> None:
     rows = {tuple(line.split()[:2]): line.split()[2:] for line in lines[2:]}
     assert rows["output", "site:tip:z"] == ["0.1", "m", "given"]
     assert rows["position", "elbow"][1:] == ["rad", "solved"]
-    assert rows["control", "elbow"] == ["0", "1", "held"]
+    assert rows["control", "elbow"] == ["0", "rad", "held"]
     assert len({line.index(word) for line, word in zip(lines[2:], ["site", "shoulder", "elbow", "shoulder"], strict=False)}) == 1
     assert repr(point).startswith("TrimPoint(equilibrium of 'servo arm': ")
     assert "\n" not in repr(point)

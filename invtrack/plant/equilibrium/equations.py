@@ -101,7 +101,7 @@ class EquilibriumEquations:
         rates = np.array(data.act_dot)
         # Whatever its time constants, which jump there, a muscle is at rest where its activation is its excitation.
         rates[self._muscles] = ctrl[self._excitations] - act[self._muscles]
-        missed = data.sensordata[self.given.output_addresses] - self.given.output_values
+        missed = self.given.output_readings.values(data) - self.given.output_values
         return np.concatenate([data.qacc, rates, missed])
 
     def residual(self, z: Array) -> Array:

@@ -16,6 +16,7 @@ from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.plant.elements import control_limits, element_name, listed
 from invtrack.plant.plant import Plant
+from invtrack.plant.readings import Readings
 from invtrack.plant.units import control_unit
 
 Values = Mapping[str, float]
@@ -54,7 +55,7 @@ class Given:
         position_limits: range of the position of each degree of freedom (nv, 2).
         control_limits: range of each control that its actuator passes on (nu, 2).
         outputs: the outputs that are given.
-        output_addresses, output_values: where these stand in data.sensordata, and what they are to be.
+        output_readings, output_values: what these read from MuJoCo's data, and what they are to be.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -66,7 +67,7 @@ class Given:
     position_limits: Array
     control_limits: Array
     outputs: Channels
-    output_addresses: Indices
+    output_readings: Readings
     output_values: Array
 
     def readings(self, before: Plant, after: Plant) -> Array:
@@ -107,7 +108,7 @@ def given_of(
     Raises PlantError for unknown names, values that are no finite numbers, positions and controls beyond their range, and what is
     given twice.
     """
-    channels, addresses, values = _outputs(plant, outputs)
+    readings, values = _outputs(plant, outputs)
     qpos, displacement, fixed = _positions(plant, model, positions)
     ctrl, given, solved = _controls(plant, model, controls, free)
     coordinates, nv = plant.coordinates, model.nv
@@ -126,8 +127,8 @@ def given_of(
         ctrl=ctrl,
         position_limits=_position_limits(model),
         control_limits=control_limits(model, np.arange(model.nu)),
-        outputs=channels,
-        output_addresses=addresses,
+        outputs=readings.channels,
+        output_readings=readings,
         output_values=values,
     )
 
@@ -143,20 +144,17 @@ def _controls_named(model: mujoco.MjModel) -> list[tuple[str, str]]:
     return [named[i] for i in range(model.nu)]
 
 
-def _outputs(plant: Plant, outputs: Values | ArrayLike) -> tuple[Channels, Indices, Array]:
+def _outputs(plant: Plant, outputs: Values | ArrayLike) -> tuple[Readings, Array]:
     values = _by_name("outputs", outputs, plant.outputs)
     found = {
-        name: (unit, int(address))
-        for channels, addresses in (
-            (plant.outputs, plant.output_addresses),
-            (plant.measurements, plant.measurement_addresses),
-        )
-        for name, unit, address in zip(channels.names, channels.units, addresses, strict=True)
+        name: (unit, reading)
+        for channels, readings in ((plant.outputs, plant.output_readings), (plant.measurements, plant.measurement_readings))
+        for name, unit, reading in zip(channels.names, channels.units, readings.readings, strict=True)
     }
     _require_known("outputs", values, found)
     numbers = [finite_number(f"output {name!r}", value, error=PlantError) for name, value in values.items()]
-    addresses = np.array([found[name][1] for name in values], dtype=np.intp)
-    return Channels(list(values), [found[name][0] for name in values]), addresses, np.array(numbers)
+    channels = Channels(list(values), [found[name][0] for name in values])
+    return Readings(channels, tuple(found[name][1] for name in values)), np.array(numbers)
 
 
 def _positions(plant: Plant, model: mujoco.MjModel, positions: Positions) -> tuple[Array, Array, Mask]:

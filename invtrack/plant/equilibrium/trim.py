@@ -153,11 +153,11 @@ def _point(equations: EquilibriumEquations, found: Iterate, model: mujoco.MjMode
 def _quantities(equations: EquilibriumEquations, plant: Plant, data: mujoco.MjData) -> list[TrimmedQuantity]:
     """The outputs, and all unknowns in their order."""
     given = equations.given
-    outputs = dict(zip(plant.outputs.names, zip(plant.outputs.units, plant.output_addresses, strict=True), strict=True))
-    outputs |= dict(zip(given.outputs.names, zip(given.outputs.units, given.output_addresses, strict=True), strict=True))
+    outputs = dict(zip(plant.outputs.names, zip(plant.outputs.units, plant.output_readings.readings, strict=True), strict=True))
+    outputs |= dict(zip(given.outputs.names, zip(given.outputs.units, given.output_readings.readings, strict=True), strict=True))
     quantities = [
-        TrimmedQuantity("output", name, unit, float(data.sensordata[address]), "given" if name in given.outputs else "follows")
-        for name, (unit, address) in outputs.items()
+        TrimmedQuantity("output", name, unit, reading.value(data), "given" if name in given.outputs else "follows")
+        for name, (unit, reading) in outputs.items()
     ]
     origins = np.where(equations.free, "solved", np.where(given.held, "held", "given")).tolist()
     values = given.readings(equations.plant, plant).tolist()
