@@ -18,6 +18,10 @@ HELD_RANK = 1e-10
 """Singular values of [A, B; C, D] below this share of the largest are none, rows and columns scaled to unit size."""
 
 
+ROUNDING = 10.0
+"""Rounding of a solution, in units of eps times the condition number and its size."""
+
+
 @dataclass(frozen=True, eq=False)
 class InputMeasure:
     """R (m, m), positive definite, in 1 / (units of the inputs) squared, and how a remark calls inputs so weighed."""
@@ -73,4 +77,5 @@ def held_inputs(system: StateSpace, R: Array) -> Array:
     found = Vh[:rank].T @ ((U[:, :rank].T @ wanted) / sizes[:rank, None])
     free = Vh[rank:, n:].T
     least = found[n:] - free @ np.linalg.lstsq(free, found[n:], rcond=None)[0] if free.shape[1] else found[n:]
-    return np.asarray(into @ least)
+    rounding = ROUNDING * np.finfo(float).eps * sizes[0] / sizes[rank - 1] * np.linalg.norm(found, axis=0)
+    return np.asarray(into @ np.where(np.abs(least) <= rounding, 0.0, least))
