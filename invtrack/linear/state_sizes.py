@@ -56,7 +56,7 @@ def with_idle_sizes(size: Array, rate: Array, plant: SwitchedSystem) -> Array:
     size, ratios = np.where(idle, 0.0, size), unit_ratios(plant)
     while True:
         terms = np.concatenate([np.where(idle, A @ size, rate), C @ size])[:, None]
-        acts = (effects > 0) & settled[:, None]
+        acts = (effects > 0) & settled[:, None] & (terms > 0)  # what only idle states show tells nothing of their size
         reach = np.min(np.where(acts, terms / np.where(acts, effects, 1.0), np.inf), axis=0)
         found = idle & ~settled[: len(A)] & np.isfinite(reach)
         if not np.any(found):

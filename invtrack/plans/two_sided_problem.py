@@ -357,17 +357,16 @@ def _conditions(
     empty[:rho] = np.max(np.abs(rows_left[:rho]), axis=1, initial=0.0) <= SAME_ROW_TOLERANCE * row_size[:rho]
     misses = np.where(empty & (rhs_size > 0), np.abs(rhs) / np.where(rhs_size > 0, rhs_size, 1.0), 0.0)
     worst = int(np.argmax(misses)) if len(misses) else 0
-    scale = np.concatenate([row_size[:rho], np.ones(len(T) - rho)])
-    rows = np.column_stack([rows_left, rows_right, rhs, rhs_size]) / scale[:, None]
-    prescribed, free = rows[:rho][~empty[:rho]], rows[rho:]
+    rows = np.column_stack([rows_left, rows_right, rhs, rhs_size])
+    kept = np.flatnonzero(~empty[:rho])
+    prescribed, free = rows[kept] / row_size[kept, None], rows[rho:]
     if before.slack is not None:
         tight = _without(T[rho:], before.slack)
         free = np.column_stack([tight @ free[:, :-1], np.abs(tight) @ free[:, -1]])
-    kept = np.vstack([prescribed, free])
-    n_left = rows_left.shape[1]
-    conditions = Conditions(kept[:, :n_left], kept[:, n_left:-2], kept[:, -2])
+    rows, n_left = np.vstack([prescribed, free]), rows_left.shape[1]
+    conditions = Conditions(rows[:, :n_left], rows[:, n_left:-2], rows[:, -2])
     check = (worst, float(misses[worst]) if len(misses) else 0.0)
-    return conditions, check, len(prescribed), float(np.max(kept[:, -1], initial=0.0))
+    return conditions, check, len(prescribed), float(np.max(rows[:, -1], initial=0.0))
 
 
 def _without(T: Array, slack: Array) -> Array:
