@@ -1,4 +1,4 @@
-"""Every error that invtrack raises on purpose.
+"""Every error that invtrack raises on purpose, and the warnings that have a class of their own.
 
 Each message says what was expected, what came instead and what to do about it. All of them derive from `InvtrackError`, so a script
 can catch one type and print one readable line.
@@ -67,3 +67,7 @@ class FileError(InvtrackError, ValueError):
 
 class RecordingError(InvtrackError, ValueError):
     """Runs cannot be recorded as asked, or a recording holds no runs."""
+
+
+class LongRunWarning(RuntimeWarning):
+    """A simulation takes many steps, or was cut short because nobody asked for so many of them."""

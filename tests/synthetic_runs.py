@@ -87,6 +87,7 @@ def two_mode_run(
         applied=Signal(force[:, None], base_force),
         parameters=Signal(mass, Channels(("tip_mass",), ("kg",))),
         manoeuvre=MANOEUVRE,
+        rest_inputs=np.zeros((2, 1)),
         timestep=timestep,
         evaluate="held",
         integrator="RK4",

@@ -10,7 +10,7 @@ import pytest
 
 from invtrack.plans.plan import Plan
 from invtrack.recording.recording_file import load_recording
-from invtrack.results.metrics import max_error
+from invtrack.results import max_error
 from invtrack.results.result import RunResult
 
 CHECKOUT = Path(__file__).parents[1]

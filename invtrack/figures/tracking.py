@@ -24,7 +24,7 @@ from invtrack.figures.style import (
     within,
     write,
 )
-from invtrack.results.metrics import preactuation_time
+from invtrack.results.inputs import actuation_time
 from invtrack.results.result import RunResult, Signal, require_run
 
 INCHES_PER_PANEL = 1.7
@@ -66,17 +66,20 @@ def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = N
 
 
 def preactuation_figure(result: RunResult, *, level: float = 0.01) -> Figure:
-    """|u| before the manoeuvre on a logarithmic axis, with `level` times its peak and the run's preactuation time marked.
+    """|u - u_rest| before the manoeuvre on a logarithmic axis, with `level` times its peak and the preactuation time marked.
 
-    |u| is the Euclidean norm of the applied inputs; the time is that of `invtrack.results.preactuation_time` at this level. A
-    straight line is an exponential: its slope is the real part of the zero that sets the preactuation.
+    The Euclidean norm of the applied inputs, from those with which the plan rests before the manoeuvre; the time is that of
+    `invtrack.results.preactuation_time` at this level, or the reason why there is none. A straight line is an exponential: its
+    slope is the real part of the zero that sets the preactuation.
 
-    Raises InvtrackError unless 0 < level < 1, and for a run without a finite input.
+    Raises InvtrackError unless 0 < level < 1.
     """
     require_run(result)
     start, end = result.manoeuvre
-    lasting = preactuation_time(result, level=level)
-    magnitude = np.hypot.reduce(np.abs(result.applied.values), axis=1)  # no squares: they overflow in a run that diverges
+    found = actuation_time(result, "before", level)
+    lasting, rest = found.value or 0.0, result.rest_inputs[0]
+    departure = result.applied.values - np.where(np.isnan(rest), 0.0, rest)
+    magnitude = np.hypot.reduce(np.abs(departure), axis=1)  # no squares: they overflow in a run that diverges
     finite = magnitude[np.isfinite(magnitude)]
     peak = float(finite.max()) if len(finite) else 0.0
     middle = (result.time[:-1] + result.time[1:]) / 2
@@ -91,7 +94,7 @@ def preactuation_figure(result: RunResult, *, level: float = 0.01) -> Figure:
         draw_magnitudes(axes, [(middle[shown], magnitude[shown], {"color": COLORS[0]})], peak=peak or None)
         axes.set_xlim(*window)
         axes.set_xlabel("time [s]")
-        axes.set_ylabel(f"$|u|$ [{unit}]")
+        axes.set_ylabel(rf"$|u - u_\mathrm{{rest}}|$ [{unit}]")
         axes.axvline(start, color=FAINT, linewidth=0.8, linestyle=(0, (1, 2)))
         write(axes, "$T_i$", (start, 1), axes.get_xaxis_transform(), (0, 1), ha="center", va="bottom")
         if peak > 0:
@@ -104,6 +107,8 @@ def preactuation_figure(result: RunResult, *, level: float = 0.01) -> Figure:
             axes.annotate("", (start - lasting, height), (start, height), arrowprops=arrow)
             text = f"preactuation time {lasting:.3g} s"
             write(axes, text, (start, height), "data", (-3, -4), ha="right", va="top")
+        if found.note:
+            write(axes, f"preactuation time: {found.note}", (0, 0), axes.transAxes, (4, 4), va="bottom")
     return figure
 
 

@@ -27,6 +27,7 @@ def invert(
     R: ArrayLike | None = None,
     tolerance: float = 1e-10,
     max_preactuation: float | None = None,
+    max_postactuation: float | None = None,
 ) -> Plan:
     """The bounded input and state with which the outputs of `model` follow `reference` exactly.
 
@@ -43,8 +44,9 @@ def invert(
         R: how dear inputs are where there is a choice (m, m), in 1 / (units squared); by default each input by its range
             (`input_limits`), without limits all alike.
         tolerance: what counts as rest at the two ends, as a share of each state's and input's peak; it sets how early the plan
-            starts.
-        max_preactuation: longest preactuation [s], at the price of a start that is not quite at rest, which `remarks` states.
+            starts and how late it ends.
+        max_preactuation, max_postactuation: limit these [s], at the price of a start, or an end, that is not quite at rest; the
+            plan's `remarks` say how far from it.
 
     Raises TrajectoryError (reference not smooth enough, wrong number of channels), PlanError (options out of range; too
     ill-conditioned), RelativeDegreeError, NonHyperbolicError (the reference leaves motion in zeros on the imaginary axis
@@ -52,7 +54,9 @@ def invert(
     keeps the output exact), BoundednessError (no bounded solution).
     Sources: Devasia, Chen, Paden 1996; Devasia, Paden, Rossi 1996, Lemma 1.
     """
-    problem = PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation)
+    problem = PlanningProblem.of(
+        model, reference, tolerance=tolerance, max_preactuation=max_preactuation, max_postactuation=max_postactuation
+    )
     plant, measure = problem.plant, input_measure(problem.plant, R)
     if plant.n_inputs > plant.n_outputs:
         return _allocated(problem, measure)

@@ -69,7 +69,7 @@ def feasibility(model: Any, reference: PiecewiseSignal, *, R: ArrayLike | None =
     inverses = [inverse for _, inverse, _ in examined if inverse is not None]
     equations = _equations(plant, inverses, reference) if len(inverses) == len(plant) else None
     jumps = tuple(_jump(plant, k, examined[k][1], examined[k + 1][1], equations) for k in range(len(plant) - 1))
-    error = _verdict(plant, reference, R)
+    error, remarks = _verdict(plant, reference, R)
     return FeasibilityReport(
         solvable=error is None,
         failed="" if error is None else _condition(error, equations is not None),
@@ -77,6 +77,7 @@ def feasibility(model: Any, reference: PiecewiseSignal, *, R: ArrayLike | None =
         intervals=intervals,
         jumps=jumps,
         boundary=None if equations is None else _boundary_conditions(inverses, jumps, equations),
+        remarks=remarks,
     )
 
 
@@ -100,13 +101,14 @@ def _examine(
         return zeros, None, error
 
 
-def _verdict(plant: SwitchedSystem, reference: PiecewiseSignal, R: ArrayLike | None) -> InvtrackError | None:
-    """What `invert` says: by definition the report agrees with it."""
+def _verdict(
+    plant: SwitchedSystem, reference: PiecewiseSignal, R: ArrayLike | None
+) -> tuple[InvtrackError | None, tuple[str, ...]]:
+    """What `invert` says, its refusal or its remarks: by definition the report agrees with it."""
     try:
-        invert(plant, reference, R=R)
+        return None, invert(plant, reference, R=R).remarks
     except (TrajectoryError, RelativeDegreeError, InversionError) as error:
-        return error
-    return None
+        return error, ()
 
 
 def _equations(plant: SwitchedSystem, inverses: list[Inverse], reference: PiecewiseSignal) -> TwoSidedSolution | None:

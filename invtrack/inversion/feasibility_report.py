@@ -126,6 +126,7 @@ class FeasibilityReport:
         message: how it fails and what would help, "" where solvable.
         intervals, jumps: a report of each.
         boundary: the equations; None where some interval, or an endless mode of the reference, rules the inverse out.
+        remarks: of the plan, where solvable: what to know before it is run, such as how long it rings on.
     """
 
     solvable: bool
@@ -134,6 +135,7 @@ class FeasibilityReport:
     intervals: tuple[IntervalReport, ...]
     jumps: tuple[JumpReport, ...]
     boundary: BoundaryConditions | None
+    remarks: tuple[str, ...]
 
     @property
     def unique(self) -> bool:
@@ -163,6 +165,7 @@ class FeasibilityReport:
         if self.jumps:
             lines += _table(JUMP_COLUMNS, [_jump_cells(jump) for jump in self.jumps[:SHOWN]], len(self.jumps))
         lines += self._lemmas()
+        lines += [f"remark: {remark}" for remark in self.remarks]
         return "\n".join([*lines, f"fails: {self.failed}. {self.message}"] if self.failed else lines)
 
     def _lemmas(self) -> list[str]:
@@ -189,7 +192,8 @@ class FeasibilityReport:
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]], total: int) -> list[str]:
-    lines = ["  " + "".join(f"{cell:<14}" for cell in row).rstrip() for row in (head, *rows)]
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    lines = ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)]
     return lines if len(rows) == total else [*lines, f"  ... {total - len(rows)} more"]
 
 

@@ -27,18 +27,22 @@ CONDITION_LIMIT = 1e14
 """Largest condition number, in the best of units, with which the equations of the steady state still count as solvable."""
 
 
-def causal_inverse(model: Any, reference: PiecewiseSignal, *, tolerance: float = 1e-10) -> Plan:
+def causal_inverse(
+    model: Any, reference: PiecewiseSignal, *, tolerance: float = 1e-10, max_postactuation: float | None = None
+) -> Plan:
     """The input with which the output of `model` follows `reference` exactly from rest, without acting before the manoeuvre.
 
     The internal dynamics eta' = A_eta eta + A_zeta zeta_d + B_r y_d^(r) run forward from their equilibrium. That stays bounded for
     plants without antistable zeros. Zeros on the imaginary axis are allowed: what the manoeuvre leaves in them rings on for ever,
     while the output stands still; `postactuation` is then 0 and `remarks` says so.
 
-    model, reference, tolerance: as for `invert`. Raises PlanError (tolerance), NonHyperbolicError (antistable zeros, repeated
-    zeros on the axis, a zero at the origin), TrajectoryError, RelativeDegreeError, CompatibilityError, BoundednessError. It is what
-    `modified_inversion` and `invert` are compared with. Source: Devasia 1996 (non-hyperbolic internal dynamics), section 2.3.
+    model, reference, tolerance, max_postactuation: as for `invert`, which is compared with it, as is `modified_inversion`.
+
+    Raises PlanError (options out of range), NonHyperbolicError (antistable zeros, repeated zeros on the axis, a zero at the
+    origin), TrajectoryError, RelativeDegreeError, CompatibilityError, BoundednessError. Source: Devasia 1996 (non-hyperbolic
+    internal dynamics), section 2.3.
     """
-    problem = PlanningProblem.of(model, reference, tolerance=tolerance)
+    problem = PlanningProblem.of(model, reference, tolerance=tolerance, max_postactuation=max_postactuation)
     require_square(problem.plant, "causal_inverse")
     splits = undivided_dynamics(problem.plant)
     for k, split in enumerate(splits):

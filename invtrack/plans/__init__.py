@@ -4,6 +4,7 @@ from invtrack.plans.certificate import Certificate, certify
 from invtrack.plans.export import export_plan, read_plan, sampled_plan
 from invtrack.plans.plan import Plan, Samples
 from invtrack.plans.preactuation import PreactuationBound, preactuation_bound
+from invtrack.plans.ringing import Ringing
 from invtrack.plans.sampled import SampledPlan
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import PolynomialSegments, Trajectory, TwoSidedSegments
@@ -13,6 +14,7 @@ __all__ = [
     "Plan",
     "PolynomialSegments",
     "PreactuationBound",
+    "Ringing",
     "SampledPlan",
     "Samples",
     "Tail",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,10 +14,14 @@ from invtrack.arrays import Array, Refusal
 from invtrack.errors import PlanError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
+from invtrack.plans.ringing import Ringing
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
 
 Difference = Callable[[Array, Array], Array]
+
+LEAST_NODES, ALL_NODES = 5, 8192
+"""Times per piece, ends included, at which an input is looked at: at least, and of all pieces together unless that is fewer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +58,7 @@ class Plan:
         remarks: what a user should know about the solution (for instance that it was not unique).
         difference: x minus x_ref in the plant's own way, both (n,), where plain subtraction will not do (angles that turn round,
             quaternions); None: plain subtraction.
+        ringing: what lightly damped modes make of the input after the manoeuvre; None where there is none to speak of.
     """
 
     method: str
@@ -67,14 +72,18 @@ class Plan:
     certificate: Certificate
     remarks: tuple[str, ...] = ()
     difference: Difference | None = None
+    ringing: Ringing | None = None
 
     def __repr__(self) -> str:
         """What it is, without its arrays."""
         (low, high), (T_i, T_f) = self.input_range, self.manoeuvre
+        rings = (
+            "" if self.ringing is None else f", rings on for {self.ringing.duration:.4g} s at {self.ringing.share:.2g} of its peak"
+        )
         inputs = ", ".join(f"{name} {a:.4g} to {b:.4g}" for name, a, b in zip(self.model.inputs.names, low, high, strict=True))
         return (
             f"<{type(self).__name__} by {self.method}: manoeuvre {T_i:.6g} to {T_f:.6g} s, preactuation {self.preactuation:.4g} s, "
-            f"postactuation {self.postactuation:.4g} s, {inputs}>"
+            f"postactuation {self.postactuation:.4g} s, {inputs}{rings}>"
         )
 
     @property
@@ -98,16 +107,20 @@ class Plan:
     @cached_property
     def input_range(self) -> tuple[Array, Array]:
         """Lowest and highest value of each input from start to end of the plan, both (m,): known before a simulation."""
-        edges = np.unique(np.concatenate([[self.start], self.breakpoints, [self.end]]))
-        if len(edges) == 1:  # a motion that runs for ever without a breakpoint: its value at the one time it names
-            edges = np.repeat(edges, 2)
-        middle, half = (edges[:-1] + edges[1:]) / 2, np.diff(edges) / 2
-        per_piece = max(64, 4096 // len(middle) + 1)
-        nodes = np.cos(
-            np.linspace(0.0, np.pi, per_piece)
-        )  # dense at the ends, where the input peaks, both sides of a jump included
-        u = self.inputs((middle[:, None] + half[:, None] * nodes).ravel(), inside=np.repeat(middle, per_piece))
+        times, inside = dense_times(np.unique(np.concatenate([[self.start], self.breakpoints, [self.end]])))
+        u = self.inputs(times, inside=inside)
         return u.min(axis=0), u.max(axis=0)
+
+    @cached_property
+    def rest_inputs(self) -> Array:
+        """Inputs (2, m) at rest before and after the manoeuvre, absolute; NaN where the plan goes on moving for ever."""
+        edges, n = self.breakpoints[[0, -1]], self.model.n_states
+        rows = slice(n, n + self.model.n_inputs)
+        rest = replace(self, trajectory=self.trajectory.settled()).inputs(edges, inside=edges + np.array([-1.0, 1.0]))
+        for end, tail in enumerate((self.trajectory.before, self.trajectory.after)):
+            if not tail.holds_still and np.any(tail.X_w[rows] @ tail.S):
+                rest[end] = np.nan
+        return rest
 
     @property
     def breakpoints(self) -> Array:
@@ -135,6 +148,19 @@ class Plan:
             y=values[:, n + m :] + point.y0,
             y_d=self.reference(times, inside=times if inside is None else np.broadcast_to(inside, times.shape)),
         )
+
+
+def dense_times(edges: Array) -> tuple[Array, Array]:
+    """Times (k,) over the pieces between edges (m + 1,) [s], and for each one inside its piece.
+
+    Dense at the pieces' ends, where an input peaks, both sides of a jump included.
+    """
+    if len(edges) == 1:  # a motion that runs for ever without a breakpoint: the one time it names
+        edges = np.repeat(edges, 2)
+    middle, half = (edges[:-1] + edges[1:]) / 2, np.diff(edges) / 2
+    count = max(LEAST_NODES, ALL_NODES // len(middle))
+    nodes = np.cos(np.linspace(np.pi, 0.0, count))
+    return (middle[:, None] + half[:, None] * nodes).ravel(), np.repeat(middle, count)
 
 
 def require_plan(value: object, *, error: Refusal = PlanError) -> None:

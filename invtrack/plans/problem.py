@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, TypeVar
 
@@ -13,9 +13,10 @@ from invtrack.arrays import Array, Indices, real_number, require_share
 from invtrack.errors import PlanError, TrajectoryError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
+from invtrack.plans.actuation import ringing
 from invtrack.plans.certificate import certify
 from invtrack.plans.plan import Plan
-from invtrack.plans.trajectory import Trajectory
+from invtrack.plans.trajectory import Trajectory, away_from_rest
 from invtrack.references.profiles import constant
 from invtrack.references.signal import PiecewiseSignal
 
@@ -26,9 +27,6 @@ LARGEST_DECAY = 3.0
 
 AT_REST = 1e-12
 """A reference that departs from the operating point by no more than this share of its values asks for no motion."""
-
-SAMPLES = 2000
-"""Points over the manoeuvre at which the peaks of a trajectory are looked for, beside its breakpoints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +40,7 @@ class PlanningProblem:
             need them.
         end_anchors: states of the deviation at the ends of its pieces (m + 2, q).
         tolerance: share of each peak that counts as rest.
-        max_preactuation: longest preactuation [s], or None: unlimited.
+        max_preactuation, max_postactuation: longest preactuation and postactuation [s], or None: unlimited.
     """
 
     plant: SwitchedSystem
@@ -51,22 +49,30 @@ class PlanningProblem:
     end_anchors: Array
     tolerance: float
     max_preactuation: float | None
+    max_postactuation: float | None
 
     @classmethod
     def of(
-        cls, model: Any, reference: PiecewiseSignal, *, tolerance: float = 1e-10, max_preactuation: float | None = None
+        cls,
+        model: Any,
+        reference: PiecewiseSignal,
+        *,
+        tolerance: float = 1e-10,
+        max_preactuation: float | None = None,
+        max_postactuation: float | None = None,
     ) -> PlanningProblem:
         """The problem for a model (StateSpace, SwitchedSystem, or anything with A, B, C, D) and a reference in absolute units.
 
         Raises PlanError for options out of range, TrajectoryError for a reference that is none or has another number of channels.
         """
         require_share("tolerance", tolerance, error=PlanError)
-        if max_preactuation is not None and not real_number("max_preactuation", max_preactuation, unit="s", error=PlanError) >= 0:
-            raise PlanError(f"max_preactuation must not be negative, got {max_preactuation}")
+        for name, limit in (("max_preactuation", max_preactuation), ("max_postactuation", max_postactuation)):
+            if limit is not None and not real_number(name, limit, unit="s", error=PlanError) >= 0:
+                raise PlanError(f"{name} must not be negative, got {limit}")
         plant = as_switched(model)
         require_reference(plant, reference)
         deviation = deviation_reference(plant, reference)
-        return cls(plant, reference, deviation, deviation.end_anchors(), tolerance, max_preactuation)
+        return cls(plant, reference, deviation, deviation.end_anchors(), tolerance, max_preactuation, max_postactuation)
 
     @property
     def manoeuvre(self) -> tuple[float, float]:
@@ -107,12 +113,14 @@ class PlanningProblem:
         Raises PlanError where the plan misses its own equations.
         """
         start, end = self.manoeuvre
-        preactuation, postactuation, limited = actuation_times(trajectory, (start, end), self.tolerance, self.max_preactuation)
+        preactuation, postactuation, limited = actuation_times(
+            trajectory, (start, end), self.tolerance, (self.max_preactuation, None if lasting else self.max_postactuation)
+        )
         postactuation = 0.0 if lasting else postactuation
         certificate = certify(self.plant, trajectory, self.deviation, (start - preactuation, end + postactuation))
         if exact is not None and self.asks_for_motion:
             certificate.require(exact=exact, method=method)
-        return kind(
+        plan = kind(
             method=method,
             model=self.plant,
             reference=self.reference,
@@ -125,31 +133,35 @@ class PlanningProblem:
             remarks=(*limited, *remarks),
             **particulars,
         )
+        rings = None if lasting else ringing(plan)
+        return plan if rings is None else replace(plan, ringing=rings, remarks=(*plan.remarks, rings.remark))
 
 
 def actuation_times(
-    trajectory: Trajectory, manoeuvre: tuple[float, float], tolerance: float, limit: float | None = None
+    trajectory: Trajectory,
+    manoeuvre: tuple[float, float],
+    tolerance: float,
+    limits: tuple[float | None, float | None] = (None, None),
 ) -> tuple[float, float, tuple[str, ...]]:
-    """How long [s] a trajectory is away from rest before and after the manoeuvre, and a remark where `limit` [s] cuts it short.
+    """How long [s] a trajectory is away from rest before and after the manoeuvre, with remarks where `limits` [s] cut it short.
 
     What lies between the trajectory's breakpoints counts as away from rest throughout; peaks are those of the values there.
     """
-    edges = trajectory.breakpoints
-    even = np.linspace(edges[0], edges[-1], SAMPLES + 1)
-    # Apart, so that the even ones stay recognizable as such.
-    peak = np.max([np.max(np.abs(trajectory(times, trajectory.locate(times))), axis=0) for times in (even, edges)], axis=0)
-    preactuation = manoeuvre[0] - float(edges[0]) + trajectory.before.decay_time(peak, tolerance)
-    postactuation = float(edges[-1]) - manoeuvre[1] + trajectory.after.decay_time(peak, tolerance)
-    if limit is None or preactuation <= limit:
-        return preactuation, postactuation, ()
-    distance = float(edges[0]) - (manoeuvre[0] - limit)
-    if distance >= 0:
-        share = float(trajectory.before.shares(np.array([distance]), peak)[0])
-    else:
-        at = edges[:1] - distance
-        away = np.abs(trajectory(at, trajectory.locate(at))[0] - trajectory.before.held)
-        share = float(np.max(away / np.where(peak > 0, peak, 1.0)))
-    return limit, postactuation, (f"preactuation limited to {limit} s: the plan starts {share:.1e} of its peak away from rest",)
+    edges, remarks = trajectory.breakpoints, []
+    outside = (manoeuvre[0] - float(edges[0]), float(edges[-1]) - manoeuvre[1])  # of the manoeuvre, though no part of a tail
+    found = [
+        away + tail.decay_time(trajectory.peaks, tolerance)
+        for away, tail in zip(outside, (trajectory.before, trajectory.after), strict=True)
+    ]
+    if limits[0] is not None and found[0] > limits[0]:
+        share = away_from_rest(trajectory, "before", manoeuvre[0] - limits[0])
+        remarks.append(f"preactuation limited to {limits[0]} s: the plan starts {share:.1e} of its peak away from rest")
+        found[0] = limits[0]
+    if limits[1] is not None and found[1] > limits[1]:
+        share = away_from_rest(trajectory, "after", manoeuvre[1] + limits[1])
+        remarks.append(f"postactuation limited to {limits[1]} s: the plan ends {share:.1e} of its peak away from rest")
+        found[1] = limits[1]
+    return found[0], found[1], tuple(remarks)
 
 
 def require_reference(plant: SwitchedSystem | StateSpace, reference: object) -> None:

@@ -126,6 +126,7 @@ def origin_of(plan: Plan, *, inputs: str, end: float) -> str:
             "tolerance": plan.tolerance,
             "certificate": asdict(plan.certificate),
             "remarks": plan.remarks,
+            "ringing": None if plan.ringing is None else asdict(plan.ringing),
             "inputs": inputs,
             "end": end,
             "model": _model_as_json(plan.model),

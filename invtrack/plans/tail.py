@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
 from invtrack.arrays import Array
 from invtrack.linear.propagation import Propagator
 from invtrack.linear.scaling import pace_of
+
+Side = Literal["before", "after"]
+"""Of a manoeuvre."""
 
 SAMPLES = 2000
 """Resolution with which a decay time is found, in shares of itself."""

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array, Indices
-from invtrack.plans.tail import Tail
+from invtrack.plans.tail import Side, Tail
 from invtrack.plans.two_sided import DrivenSystem
 from invtrack.references.signal import finite_times, selection
+
+SAMPLES = 2000
+"""Points between the first and the last breakpoint at which peaks are looked for, beside the breakpoints."""
 
 
 class Segments(Protocol):
@@ -198,6 +202,18 @@ class Trajectory:
         times, within = finite_times(t, inside)
         return self(times, self.locate(within), rows)
 
+    @cached_property
+    def peaks(self) -> Array:
+        """Largest size of each value from the first to the last breakpoint (r,)."""
+        edges = self.breakpoints
+        even = np.linspace(edges[0], edges[-1], SAMPLES + 1)  # apart from the edges, so that they stay recognizable as even
+        return np.asarray(np.max([np.max(np.abs(self(times, self.locate(times))), axis=0) for times in (even, edges)], axis=0))
+
+    def settled(self) -> Trajectory:
+        """The trajectory without the departures before and after it: there it is at rest, or moves with the reference."""
+        before, after = (replace(tail, v=np.zeros_like(tail.v)) for tail in (self.before, self.after))
+        return replace(self, before=before, after=after)
+
     def paces(self) -> Array:
         """How fast the values of each piece can change [rad/s], (m + 2,)."""
         groups = np.array([segments.pace for segments in self.groups])
@@ -215,6 +231,17 @@ class Trajectory:
     def _each(self, change: Callable[[Segments], Segments], change_tail: Callable[[Tail], Tail]) -> Trajectory:
         groups = tuple(change(segments) for segments in self.groups)
         return replace(self, groups=groups, before=change_tail(self.before), after=change_tail(self.after))
+
+
+def away_from_rest(trajectory: Trajectory, side: Side, time: float) -> float:
+    """How far a trajectory is at a time [s] from its rest before or after it: the largest share of a value's peak."""
+    tail, edge = (
+        (trajectory.before, trajectory.breakpoints[0]) if side == "before" else (trajectory.after, trajectory.breakpoints[-1])
+    )
+    distance, peaks = tail.direction * (time - float(edge)), trajectory.peaks
+    if distance >= 0:
+        return float(tail.shares(np.array([distance]), peaks)[0])
+    return float(np.max(np.abs(trajectory.at([time], None)[0] - tail.held) / np.where(peaks > 0, peaks, 1.0)))
 
 
 def grouped(breakpoints: Array, owner: Indices, make: Callable[[int, Indices], Segments], before: Tail, after: Tail) -> Trajectory:

@@ -12,10 +12,8 @@ from invtrack.arrays import Array
 from invtrack.recording.scene import Scene
 from invtrack.recording.series import TIME, channels_by_unit, entity_path, unit_path
 from invtrack.recording.shapes import visible_geoms
+from invtrack.results.inputs import actuation_time
 from invtrack.results.result import RunResult, Signal
-
-NOTICEABLE = 0.01
-"""Share of the peak input from which on the plots show preactuation and postactuation at first."""
 
 VIEWING_DISTANCE = 1.5
 """Distance of the eye relative to the width of what it is to see; the viewer's field of view is about 55 degrees."""
@@ -24,7 +22,7 @@ SKY = (176, 190, 204)
 
 
 def make_blueprint(runs: Sequence[RunResult], scenes: Sequence[Scene | None], *, shared: bool = False) -> rrb.Blueprint:
-    """3-D scene, parameters and events on the left; output, error, input and states on the right, all cases in the same plots.
+    """3-D scene, parameters, events, metrics on the left; output, error, input and states on the right, all cases in one plot each.
 
     shared: the layout is also that of other recordings, so it has places for what their cases may have and these do not.
     """
@@ -32,7 +30,7 @@ def make_blueprint(runs: Sequence[RunResult], scenes: Sequence[Scene | None], *,
     shares: dict[float, list[rrb.Container | rrb.View]] = {
         3.0: _scenes(runs, scenes, shared=shared),
         1.3: _parameters(runs, interval),
-        1.0: [_events(runs)],
+        1.0: [_tabs([_events(runs), *_numbers(runs)])],
     }
     left = rrb.Vertical(
         *(view for views in shares.values() for view in views), row_shares=[share for share, views in shares.items() if views]
@@ -54,16 +52,14 @@ def make_blueprint(runs: Sequence[RunResult], scenes: Sequence[Scene | None], *,
 
 
 def shown_interval(runs: Sequence[RunResult]) -> tuple[float, float]:
-    """The time [s] that the plots show at first: the manoeuvre, noticeable preactuation and postactuation, one period of
-    vibration after it."""
+    """The time [s] that the plots show at first: the manoeuvre, the preactuation and postactuation times of `invtrack.results`, one
+    period of vibration after it."""
     starts, ends = [], []
     for run in runs:
         begin, end = run.manoeuvre
-        effort = np.max(np.abs(run.applied.values), axis=1, initial=0.0, where=np.isfinite(run.applied.values))
-        active = run.time[:-1][effort > NOTICEABLE * np.max(effort, initial=0.0)]
-        starts.append(min([begin, *active[:1]]))
+        starts.append(begin - (actuation_time(run, "before").value or 0.0))
         ring_down = run.vibration_period if np.isfinite(run.vibration_period) else 0.0
-        ends.append(max([end + max(ring_down, 0.5 * (end - begin)), *active[-1:]]))
+        ends.append(end + max(ring_down, 0.5 * (end - begin), actuation_time(run, "after").value or 0.0))
     margin = 0.03 * (max(ends) - min(starts))
     first, last = min(run.time[0] for run in runs), max(run.time[-1] for run in runs)
     return float(max(min(starts) - margin, first)), float(min(max(ends) + margin, last))
@@ -167,6 +163,14 @@ def _events(runs: Sequence[RunResult]) -> rrb.View:
         name="Events",
         columns=rrb.TextLogColumns(text_log_columns=["Body"]),
     )
+
+
+def _numbers(runs: Sequence[RunResult]) -> list[rrb.View]:
+    """The metrics of each run."""
+    titles = ["Metrics"] if len(runs) == 1 else [f"{run.name}: metrics" for run in runs]
+    return [
+        rrb.TextDocumentView(origin=entity_path(run.name, "metrics"), name=title) for run, title in zip(runs, titles, strict=True)
+    ]
 
 
 def _plot(name: str, paths: list[str], interval: tuple[float, float]) -> rrb.View:

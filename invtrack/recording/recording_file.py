@@ -24,6 +24,7 @@ from invtrack.channels import Channels
 from invtrack.errors import RecordingError
 from invtrack.files import replaced_when_complete
 from invtrack.recording.blueprint import make_blueprint
+from invtrack.recording.numbers import send_numbers
 from invtrack.recording.scene import Scene, make_scene, send_scene
 from invtrack.recording.series import (
     ARCHETYPE,
@@ -84,6 +85,7 @@ def _write(runs: list[RunResult], scenes: list[Scene | None], path: Path, *, tit
             prefix = f"{run.name}: " if len(runs) > 1 else ""
             _send_run(recording, placed, number, name=run.name)
             send_series(recording, placed, number=number, prefix=prefix)
+            send_numbers(recording, placed, name=run.name)
             if scene is not None:
                 send_scene(recording, placed, scene)
     finally:
@@ -130,11 +132,13 @@ def metadata(run: RunResult, number: int) -> dict[str, Any]:
         "name": run.name,
         "model": run.model,
         "manoeuvre": [float(time) for time in run.manoeuvre],
+        "rest_inputs": run.rest_inputs.tolist(),
         "timestep": float(run.timestep),
         "evaluate": run.evaluate,
         "integrator": run.integrator,
         "vibration_period": float(run.vibration_period),
         "events": [[float(event.time), event.kind, event.text] for event in run.events],
+        "remarks": list(run.remarks),
         "parameter_bodies": dict(run.parameter_bodies),
         "status": run.status,
         "message": run.message,
@@ -226,11 +230,13 @@ def _run(header: dict[str, Any], chunks: dict[str, list[Chunk]], source: str | P
         time=rows(entity_path(case, "time"), (header["samples"], 1))[:, 0],
         **{name: signal(name) for name in SAMPLED + HELD},
         manoeuvre=(header["manoeuvre"][0], header["manoeuvre"][1]),
+        rest_inputs=np.array(header["rest_inputs"], dtype=float),
         timestep=header["timestep"],
         evaluate=header["evaluate"],
         integrator=header["integrator"],
         vibration_period=header["vibration_period"],
         events=tuple(Event(time, kind, text) for time, kind, text in header["events"]),
+        remarks=tuple(header["remarks"]),
         parameter_bodies=header["parameter_bodies"],
         qpos=rows(entity_path(case, "qpos"), tuple(header["qpos_shape"]), QPOS),
         status=header["status"],

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from invtrack.arrays import Array
 from invtrack.results.result import RunResult, Signal
 
-FORMAT = 2
+FORMAT = 3
 """Number of this layout, written into every recording; a reader refuses numbers that it does not know."""
 
 ARCHETYPE = "invtrack"

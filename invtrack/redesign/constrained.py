@@ -89,6 +89,7 @@ def constrained_redesign(
     step: float | None = None,
     tolerance: float = 1e-10,
     max_preactuation: float | None = None,
+    max_postactuation: float | None = None,
 ) -> ConstrainedTrajectory:
     """The trajectory of `model` that costs least among those that keep within `limits`, over all of time.
 
@@ -116,7 +117,8 @@ def constrained_redesign(
         step: longest time over which the input is linear [s]; by default such that linear interpolation of the optimal input
             without limits misses it by 1e-5 of its peak (up to 1e-3 where that takes many steps).
         tolerance: share of its peak below which what is left of the plan before its start and after its end counts as rest.
-        max_preactuation: longest time before the manoeuvre at which the plan may start [s]; None: as long as the tolerance asks.
+        max_preactuation, max_postactuation: longest time before the manoeuvre at which the plan may start, and after it at which it
+            may end [s]; None: as long as the tolerance asks.
 
     Raises what `quadratic_redesign` does, and RedesignError for limits that make no sense, that the plan at rest before or after
     the manoeuvre does not keep, or that cannot be kept all at once (which conflict and how far one has to give way), and where the
@@ -126,7 +128,16 @@ def constrained_redesign(
     """
     if step is not None:
         require_duration("step", step, error=RedesignError)
-    free = free_optimum(model, reference, R=R, Q_x=Q_x, Q_y=Q_y, tolerance=tolerance, max_preactuation=max_preactuation)
+    free = free_optimum(
+        model,
+        reference,
+        R=R,
+        Q_x=Q_x,
+        Q_y=Q_y,
+        tolerance=tolerance,
+        max_preactuation=max_preactuation,
+        max_postactuation=max_postactuation,
+    )
     problem = LimitedProblem(free, bounds_of(limits, free.problem.plant))
     _require_rest_within(problem.tails, problem.bounds)
     if not free_excess(problem) > KEPT:  # what is no number is refused by the certificate

@@ -54,6 +54,7 @@ def quadratic_redesign(
     probabilities: ArrayLike | None = None,
     tolerance: float = 1e-10,
     max_preactuation: float | None = None,
+    max_postactuation: float | None = None,
 ) -> OptimalTrajectory:
     """The trajectory of `model` that minimises what it costs to move and to miss the reference, over all of time.
 
@@ -79,7 +80,7 @@ def quadratic_redesign(
         Q_y: weight of the output errors (p, p), positive semidefinite. Where it is zero the optimum is not to move.
         probabilities: how likely each of several models is (k,), alike unless stated; they are scaled to add up to one.
         tolerance: share of each peak that counts as rest, as in `invert`.
-        max_preactuation: longest preactuation [s], as in `invert`; None: as long as the tolerance asks.
+        max_preactuation, max_postactuation: longest [s], as in `invert`; None: as long as the tolerance asks.
 
     Raises TrajectoryError (wrong number of channels, a reference that does not hold still before and after), RedesignError
     (options or weights out of range; holding an end value would cost input for ever, so that the cost is infinite; a mode that
@@ -90,7 +91,12 @@ def quadratic_redesign(
     plants = _plants(model)
     shares = _shares(probabilities, len(plants))
     weights = [as_weights(plant, R=R, Q_x=Q_x, Q_y=Q_y) for plant in plants]  # each checks them against its own feedthrough
-    tasks = [PlanningProblem.of(plant, reference, tolerance=tolerance, max_preactuation=max_preactuation) for plant in plants]
+    tasks = [
+        PlanningProblem.of(
+            plant, reference, tolerance=tolerance, max_preactuation=max_preactuation, max_postactuation=max_postactuation
+        )
+        for plant in plants
+    ]
     problem = LeastCost.of(tasks, weights[0], shares)
     found = certified_optimum(problem)
 
@@ -156,13 +162,16 @@ def free_optimum(
     Q_y: ArrayLike,
     tolerance: float,
     max_preactuation: float | None,
+    max_postactuation: float | None,
 ) -> FreeOptimum:
     """What `quadratic_redesign` makes a plan of; it raises the same errors.
 
     Args:
-        model, reference, R, Q_x, Q_y, tolerance, max_preactuation: see `quadratic_redesign`.
+        model, reference, R, Q_x, Q_y, tolerance, max_preactuation, max_postactuation: see `quadratic_redesign`.
     """
-    task = PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation)
+    task = PlanningProblem.of(
+        model, reference, tolerance=tolerance, max_preactuation=max_preactuation, max_postactuation=max_postactuation
+    )
     problem = LeastCost.of([task], as_weights(task.plant, R=R, Q_x=Q_x, Q_y=Q_y), np.ones(1))
     found = problem.solve()
     return FreeOptimum(problem.problems[0], problem.weights, problem.of_plant(0, found.trajectory))

@@ -163,7 +163,7 @@ class RegulationMap:
         deviation = self._comparable.reference(x_0, at=T_i).refined(self.breakpoints)
         trajectory = self.pieces.trajectory(self.breakpoints, self._comparable.states(x_0, T_i, self.breakpoints))
         reference = _absolute(deviation, self.model.operating_point.y0)
-        problem = PlanningProblem(self.model, reference, deviation, deviation.end_anchors(), self.tolerance, None)
+        problem = PlanningProblem(self.model, reference, deviation, deviation.end_anchors(), self.tolerance, None, None)
         return problem.plan(self.method, trajectory, exact=None, remarks=self.remarks)
 
     def describe_inadmissible(self) -> str:

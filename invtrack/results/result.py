@@ -72,6 +72,7 @@ class RunResult:
             values at mid-step.
         parameters: the named physical parameters in force.
         manoeuvre: (T_i, T_f) [s].
+        rest_inputs: inputs (2, p) with which the plan rests before and after the manoeuvre; NaN where it does not.
         timestep: the largest step asked for [s].
         evaluate: "held" or "stages", see `invtrack.simulate`.
         integrator: MuJoCo's name for it, or "exact" for a linear plant.
@@ -79,6 +80,7 @@ class RunResult:
         measured, estimate: what the sensors showed at the latest update, and the state estimated from it; without channels for
             controllers that know the state.
         events: what happened, in the order of time.
+        remarks: what a user should know about the run (for instance that it ends before its plan does).
         parameter_bodies: for parameters that belong to one body, its name.
         qpos: generalized positions (N + 1, nq); empty for plants without geometry.
         status, message: "completed", or "diverged" and the reason.
@@ -97,6 +99,7 @@ class RunResult:
     applied: Signal
     parameters: Signal
     manoeuvre: tuple[float, float]
+    rest_inputs: Array
     timestep: float
     evaluate: str
     integrator: str
@@ -104,6 +107,7 @@ class RunResult:
     measured: Signal = field(default_factory=Signal.without_channels)
     estimate: Signal = field(default_factory=Signal.without_channels)
     events: Sequence[Event] = ()
+    remarks: Sequence[str] = ()
     parameter_bodies: Mapping[str, str] = field(default_factory=dict)
     qpos: Array = field(default_factory=lambda: np.zeros((0, 0)))
     status: Literal["completed", "diverged"] = "completed"
@@ -157,7 +161,7 @@ class RunResult:
                 same = np.array_equal(mine, theirs, equal_nan=True)
             elif isinstance(mine, float):
                 same = mine == theirs or (np.isnan(mine) and np.isnan(theirs))
-            elif name == "events":
+            elif name in ("events", "remarks"):
                 same = tuple(mine) == tuple(theirs)
             else:
                 same = mine == theirs

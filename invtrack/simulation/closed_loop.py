@@ -25,16 +25,15 @@ from invtrack.simulation.preflight import (
     require_fit,
     require_known_parameters,
     require_planned_parameters,
+    warn_of_fast_zeros,
     warn_of_limits,
     warn_of_start,
     warn_of_unstable_holds,
     warn_of_unused_sensors,
 )
 from invtrack.simulation.simulated_plant import Sensor, SensorChain, SimulatedPlant
+from invtrack.simulation.span import span_of_run
 from invtrack.simulation.stepping import Progress, Recorded, Run
-
-RESIDUAL_PERIODS = 5
-"""A run goes on for this many periods of the slowest flexible mode after the manoeuvre, unless told otherwise."""
 
 
 def simulate(
@@ -64,8 +63,8 @@ def simulate(
             change. A LinearPlant has its own switch times in place of all this.
         timestep: no step is longer [s]; each interval between breakpoints (of schedule, controller, its updates and reference) is
             divided evenly.
-        start, end: times [s]; by default from the plan's preactuation until it has come to rest, and at least 5 vibration
-            periods after the manoeuvre.
+        start, end: times [s]; by default from the plan's preactuation until it has come to rest, and at least until the window
+            for residual vibration ends (see `invtrack.residual_vibration`); at most 500 000 steps before and after the manoeuvre.
         evaluate: "held" holds the feedforward's mean over each update's hold (error of order hold^2), "stages" evaluates the law
             at every stage of RK4 (order timestep^4).
         vibration_period: of the slowest flexible mode [s], in which residual vibration is counted; by default that of the last
@@ -79,8 +78,10 @@ def simulate(
 
     A run that diverges (a state that is not finite, or MuJoCo's warnings about one) stops there; the result holds what was
     recorded, status "diverged" and the cause. A RuntimeWarning says beforehand where the plan needs more input than the actuators
-    pass on, where it starts elsewhere than the plant, where the feedback is unstable for being held so long, and where sensors are
-    given that the controller does not look at.
+    pass on, where it starts elsewhere than the plant, where the feedback is unstable for being held so long, where the plan's zeros
+    are faster than that, and where sensors are given that the controller does not look at; a LongRunWarning where the run takes
+    more than a million steps, or is cut short (then the result's `remarks` say so too) because its plan takes more than 500 000
+    to leave rest or to come to rest and neither `start` nor `end` asks for them.
 
     Raises SimulationError, PlantError for what cannot be simulated as asked.
     """
@@ -108,12 +109,14 @@ def simulate(
     else:
         period = real_number("vibration_period", vibration_period, unit="s", error=SimulationError)
         require_duration("vibration_period", period, error=SimulationError)
-    if start is None and initial_state is None:
+    start, end = (
+        None if time is None else real_number(side, time, unit="s", error=SimulationError)
+        for side, time in (("start", start), ("end", end))
+    )
+    span = span_of_run(plan, period=period, timestep=timestep, start=start, end=end)
+    if start is None and initial_state is None and span.start <= plan.start:
         warn_of_start(simulated, controller)
-    start = plan.start if start is None else real_number("start", start, unit="s", error=SimulationError)
-    if end is None:
-        end = max(plan.end, plan.manoeuvre[1] + (RESIDUAL_PERIODS * period if np.isfinite(period) else 0.0))
-    end = real_number("end", end, unit="s", error=SimulationError)
+    start, end = span.start, span.end
     updates = update_times(start, end, controller.period)
     breakpoints = [change.time for change in changes]
     for source in (controller.breakpoints, plan.breakpoints, simulated.breakpoints, updates):
@@ -122,7 +125,8 @@ def simulate(
     parameters = _Parameters.on_grid({**simulated.parameter_values, **values}, changes, grid)
     update = updates_of_steps(grid, updates)
     instants = stage_instants(grid) if evaluate == "stages" else held_instants(grid, update)
-    warn_of_unstable_holds(controller, instants)
+    warn_of_unstable_holds(controller, instants, plant.model if isinstance(plant, LinearPlant) else plan.model)
+    warn_of_fast_zeros(controller, float(np.max(grid.step if evaluate == "stages" else instants.hold)))
     run = Run(
         stepper=simulated.stepper(_state(simulated, initial_state), parameters.initial),
         law=controller.begin(instants),
@@ -133,7 +137,7 @@ def simulate(
         sensors=SensorChain(simulated.measurements.names, sensors or {}, seed),
     )
     recorded = run.go(at_stages=evaluate == "stages", progress=progress)
-    stated = {"name": name, "timestep": timestep, "evaluate": evaluate, "vibration_period": period}
+    stated = {"name": name, "timestep": timestep, "evaluate": evaluate, "vibration_period": period, "remarks": span.remarks}
     return _result(simulated, controller, grid, parameters, recorded, stated)
 
 
@@ -221,6 +225,7 @@ def _result(
         applied=Signal(np.clip(recorded.u, *plant.input_limits.T), plant.inputs),
         parameters=Signal(parameters.table(plant.parameters, grid)[:steps], plant.parameters),
         manoeuvre=(T_i, T_f),
+        rest_inputs=controller.plan.rest_inputs,
         integrator=plant.integrator,
         events=tuple(sorted((event for event in events if time[0] <= event.time <= time[-1]), key=lambda event: event.time)),
         parameter_bodies=plant.parameter_bodies,

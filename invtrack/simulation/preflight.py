@@ -14,6 +14,9 @@ from invtrack.control.protocol import Controller, Instants
 from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import SimulationError
 from invtrack.linear.propagation import zero_order_hold
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.actuation import peak_departure
+from invtrack.plans.input_tail import input_tail
 from invtrack.plant.parameters import Change
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
@@ -24,6 +27,12 @@ FAR_FROM_REST = 0.05
 """A run starts elsewhere than its plan where a state of the plan is then beyond this share of its peak."""
 
 PLAN_SAMPLES = 2001
+
+SAME_HOLD = 1e-9
+"""Holds that differ by less than this share of the longest are equal."""
+
+NOTICED = 0.01
+"""Share of the peak input from which on a part of it counts."""
 
 
 def require_fit(plant: SimulatedPlant, controller: Controller, evaluate: str) -> None:
@@ -122,14 +131,21 @@ def _far(first: Array, whole: Array) -> NDArray[np.bool_]:
     return np.asarray(np.abs(first) > FAR_FROM_REST * np.max(np.abs(whole), axis=0))
 
 
-def warn_of_unstable_holds(controller: Controller, instants: Instants) -> None:
-    """Say that a feedback which stabilizes the plan's model does not do so when its input is held between updates."""
-    if not isinstance(controller, PlanFollower):
+def warn_of_unstable_holds(controller: Controller, instants: Instants, model: SwitchedSystem) -> None:
+    """Say that a feedback which stabilizes the plant's model does not do so when its input is held between updates.
+
+    That is so where an eigenvalue of the sampled closed loop A_d - B_d K lies outside the unit circle.
+    """
+    if not isinstance(controller, PlanFollower) or not np.any(instants.hold > 0):
         return
-    model, gains = controller.plan.model, controller.gains
-    pairs = zip(model.interval(instants.inside), gains.interval(instants.inside), np.round(instants.hold, 9), strict=True)
-    for k, g, hold in sorted({(int(k), int(g), float(hold)) for k, g, hold in pairs if hold > 0}, key=lambda pair: -pair[2]):
-        A, B, K = model.systems[k].A, model.systems[k].B, gains.gains[g]
+    gains, longest = controller.gains, float(np.max(instants.hold))
+    holds = np.rint(instants.hold / longest / SAME_HOLD).astype(np.int64)  # equal but for rounding within an interval
+    found = np.column_stack([-holds, model.interval(instants.inside), gains.interval(instants.inside)])
+    changed = np.any(np.diff(found, axis=0, prepend=found[:1] - 1) != 0, axis=1)
+    for steps, k, g in np.unique(found[changed], axis=0).tolist():  # the longest first
+        A, B, K, hold = model.systems[k].A, model.systems[k].B, gains.gains[g], -steps * SAME_HOLD * longest
+        if hold <= 0:
+            return
         A_d, B_d = zero_order_hold(A, B, hold)
         radius = float(np.max(np.abs(np.linalg.eigvals(A_d - B_d @ K))))
         poles = np.linalg.eigvals(A - B @ K)
@@ -142,3 +158,23 @@ def warn_of_unstable_holds(controller: Controller, instants: Instants) -> None:
                 stacklevel=STACK,
             )
             return
+
+
+def warn_of_fast_zeros(controller: Controller, hold: float) -> None:
+    """Say that part of the plan's input comes before the manoeuvre, or goes after it, within less than a hold [s]."""
+    plan = controller.plan
+    for side, rest, moves in zip(("before", "after"), plan.rest_inputs, ("grows before", "dies out after"), strict=True):
+        tail = None if np.any(np.isnan(rest)) else input_tail(plan, side)  # type: ignore[arg-type]
+        fast = np.abs(tail.rates) * hold > 1 if tail else np.zeros(0)
+        if tail is None or not np.any(fast):
+            continue
+        share = tail.amplitude(fast) / peak_departure(plan, side)  # type: ignore[arg-type]
+        if share > NOTICED:
+            rate = float(np.max(np.abs(tail.rates[fast])))
+            warnings.warn(
+                f"a part of the plan's input, {share:.2g} of its peak, {moves} the manoeuvre at {rate:.4g} rad/s, a zero faster "
+                f"than the {hold:.4g} s for which an input is held: the run cannot follow it; take a timestep and period below "
+                f"{0.1 / rate:.2g} s, or plan with zeros that are slower (quadratic_redesign, another output)",
+                RuntimeWarning,
+                stacklevel=STACK,
+            )

@@ -7,13 +7,13 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from invtrack.control.protocol import Controller
-from invtrack.errors import InvtrackError
+from invtrack.errors import InvtrackError, LongRunWarning
 from invtrack.plant.plant import Plant
 from invtrack.results.result import RunResult
 from invtrack.simulation.closed_loop import simulate
@@ -102,16 +102,36 @@ class Session:
     def tried(self, plant: Plant | LinearPlant, controller: Controller, *, name: str, **settings: Any) -> RunResult:
         """The same, with a run that diverged returned as it is."""
         given = {"timestep": self._options.timestep, "seed": self._options.seed, "progress": self._report, **settings}
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", RuntimeWarning)
-            result = simulate(plant, controller, name=name, **given)
-        for warning in caught:
-            text = str(warning.message)
-            if not issubclass(warning.category, RuntimeWarning):
-                warnings.warn_explicit(warning.message, warning.category, warning.filename, warning.lineno)
+        with self._heard(name):
+            return simulate(plant, controller, name=name, **given)
+
+    @contextmanager
+    def _heard(self, name: str) -> Iterator[None]:
+        """Keep what a simulation warns of as remarks; that it will take long is said at once, everything else in the report."""
+        others: list[tuple[Any, type[Warning], str, int]] = []
+
+        def hear(
+            message: Warning | str,
+            category: type[Warning],
+            filename: str,
+            lineno: int,
+            file: TextIO | None = None,
+            line: str | None = None,
+        ) -> None:
+            text = str(message)
+            if not issubclass(category, RuntimeWarning):
+                others.append((message, category, filename, lineno))
             elif text not in self.remarks.setdefault(name, []):
                 self.remarks[name].append(text)
-        return result
+                if issubclass(category, LongRunWarning) and not self._options.quiet:
+                    print(f"{name}: {text}", file=sys.stderr)
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", RuntimeWarning)
+            warnings.showwarning = hear
+            yield
+        for message, category, filename, lineno in others:
+            warnings.warn_explicit(message, category, filename, lineno)
 
     @contextmanager
     def activity(self, description: str) -> Iterator[None]:

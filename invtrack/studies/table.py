@@ -15,7 +15,10 @@ from invtrack.errors import InvtrackError
 
 Cell = float | int | str | None
 Rows = Mapping[str, Mapping[str, Any] | None]
-"""Cells by the key of their column, by row; other keys are not shown. A row that is None has nothing to show."""
+"""Cells by the key of their column, by row; other keys are not shown. A row that is None has nothing to show.
+
+Texts by the key of a column under "notes" say what a cell of the row stands for, or why it holds nothing; they follow below the
+table."""
 
 GAP = "  "
 
@@ -82,6 +85,11 @@ def print_table(
         for line in lines[height:]:
             _print_line(console, line)
         _print_line(console, "")
+    notes = _notes(columns, rows)
+    for note in notes:
+        _print_line(console, note)
+    if notes:
+        _print_line(console, "")
 
 
 def short_number(value: float) -> str:
@@ -113,6 +121,17 @@ def _cells(column: Column, rows: Rows) -> list[str]:
         value: Cell = None if row is None else row[column.key]
         cells.append(short_number(value) if isinstance(value, float) else "-" if value is None else str(value))
     return cells
+
+
+def _notes(columns: Sequence[Column], rows: Rows) -> list[str]:
+    """What rows say of the cells shown, once for all rows of which the same is said."""
+    said: dict[tuple[str, str], list[str]] = {}
+    for column in columns:
+        for case, row in rows.items():
+            note = (row or {}).get("notes", {}).get(column.key)
+            if note:
+                said.setdefault((column.name, note), []).append(case)
+    return [f"{name} ({', '.join(cases)}): {note}" for (name, note), cases in said.items()]
 
 
 def _padded(header: Sequence[str], cells: Sequence[str], height: int, *, left: bool = False) -> list[str]:

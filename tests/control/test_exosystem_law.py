@@ -23,7 +23,7 @@ from invtrack.references.profiles import raised_cosine
 from invtrack.regulation.exosystem_map import exosystem_map
 from invtrack.regulation.francis_map import switched_francis
 from invtrack.regulation.regulation_map import RegulationMap
-from invtrack.results.metrics import max_error
+from invtrack.results import max_error
 from invtrack.results.result import RunResult
 from invtrack.simulation.closed_loop import simulate
 from invtrack.simulation.linear_plant import LinearPlant

@@ -89,7 +89,7 @@ def test_parameters_and_the_manoeuvre_are_marked(run: RunResult) -> None:
 def test_preactuation_is_marked_where_the_metric_finds_it(run: RunResult) -> None:
     figure = preactuation_figure(run, level=0.02)
     (axes,) = figure.axes
-    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()) == ("time [s]", "$|u|$ [N]", "log")
+    assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_yscale()) == ("time [s]", r"$|u - u_\mathrm{rest}|$ [N]", "log")
     expected = preactuation_time(run, level=0.02)
     assert expected == pytest.approx(-np.log(0.02 * PEAK_INPUT) / GROWTH_RATE, abs=0.02)
     assert f"preactuation time {expected:.3g} s" in texts(figure)
@@ -135,3 +135,13 @@ def test_the_default_window_is_the_manoeuvre_with_its_surroundings(run: RunResul
     assert tracking_figure(run).axes[0].get_xlim() == (2 * start - end, 2 * end - start)
     assert tracking_figure(two_mode_run(start=-1.0, end=5.0)).axes[0].get_xlim() == (-1.0, 5.0)
     assert tracking_figure(run, window=(JUMP, 3.0)).axes[0].get_xlim() == (JUMP, 3.0)
+
+
+def test_preactuation_is_drawn_from_rest_and_says_why_there_is_none(run: RunResult) -> None:
+    loaded = replace(run, applied=replace(run.applied, values=run.applied.values + 7.0), rest_inputs=np.full((2, 1), 7.0))
+    (axes,), (unloaded,) = preactuation_figure(loaded).axes, preactuation_figure(run).axes
+    np.testing.assert_allclose(points(axes.get_lines()[0])[1], points(unloaded.get_lines()[0])[1], rtol=1e-9, atol=1e-12)
+    late = texts(preactuation_figure(two_mode_run(start=-0.2)))
+    assert "preactuation time: at least: the input is above 1 % of its peak from the run's start on" in late
+    moving = texts(preactuation_figure(replace(run, rest_inputs=np.full((2, 1), np.nan))))
+    assert "preactuation time: the input is not at rest before the manoeuvre: the plan goes on moving there" in moving

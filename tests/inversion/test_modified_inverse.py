@@ -14,8 +14,9 @@ from invtrack.inversion.modified.modified_inversion import modified_inversion
 from invtrack.linear.normal_form import normal_form
 from invtrack.linear.state_space import OperatingPoint, StateSpace
 from invtrack.linear.zeros import zeros
+from invtrack.plans.actuation import plan_actuation_time
 from invtrack.plans.plan import Plan
-from invtrack.plans.preactuation import plan_preactuation_time, preactuation_bound
+from invtrack.plans.preactuation import preactuation_bound
 from invtrack.references.profiles import constant, rest_to_rest
 from invtrack.references.signal import stack
 from tests.cited_plants import HE3_A, HE3_B, HE3_C, TWO_DISC_A, TWO_DISC_B, TWO_DISC_C
@@ -60,8 +61,8 @@ def test_hover_trades_preactuation_for_error() -> None:
     _, move = moved_pair(2.0)
     exact, plan = invert(HE3, HOVER), modified_inversion(HE3, HOVER, move=move, error_poles=HE3_POLES)
     # 1 % of the peak: ln(100) / 0.0465 = 99 s and ln(100) / 2 = 2.3 s, up to the size at the start.
-    assert plan_preactuation_time(exact) == pytest.approx(99.0, rel=0.05)
-    assert plan_preactuation_time(plan) < 3.0
+    assert plan_actuation_time(exact, "before") == pytest.approx(99.0, rel=0.05)
+    assert plan_actuation_time(plan, "before") < 3.0
     assert 1e-3 < plan.relative_error < 0.06
     assert np.max(np.abs(plan.tracking_error(np.linspace(-2.0, -0.01, 100)))) > 1e-4  # before t = 0 too
 

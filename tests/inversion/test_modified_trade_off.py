@@ -8,7 +8,7 @@ import pytest
 from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_inversion import modified_inversion
 from invtrack.inversion.modified.preactuation_trade_off import preactuation_trade_off, tune_modified_inversion
-from invtrack.plans.preactuation import plan_preactuation_time
+from invtrack.plans.actuation import plan_actuation_time
 from invtrack.references.profiles import rest_to_rest
 from invtrack.references.signal import stack
 from tests.inversion.modified_cases import HE3, HE3_POLES, HOVER, PASSIVE_TWO_DISC, TWO_DISC, moved_pair
@@ -23,7 +23,7 @@ def test_each_point_is_its_plan() -> None:
     for point, to in zip(trade.points, (0.5, 2.0), strict=True):
         plan = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=to, error_poles=CHAIN)
         assert (point.real_part, point.alpha) == (to, pytest.approx(to))
-        assert point.preactuation == pytest.approx(plan_preactuation_time(plan, 0.02))
+        assert point.preactuation == pytest.approx(plan_actuation_time(plan, "before", 0.02))
         assert point.max_error == pytest.approx(plan.max_error[0])
         assert point.error_bound == error_bound(TWO_DISC, SLEW, start=-point.preactuation)
         assert point.error_after == pytest.approx(plan.max_error_after[0])
@@ -49,9 +49,9 @@ def test_negative_real_parts_need_no_preactuation() -> None:
 def test_plan_within_a_preactuation(wish: float) -> None:
     plan = tune_modified_inversion(TWO_DISC, SLEW, error_poles=CHAIN, preactuation=wish, axis_distance=0.5, design="robust")
     # The preactuation of an input that oscillates jumps from one of its half periods to the next.
-    assert wish - np.pi / 4.74976 < plan_preactuation_time(plan) <= wish
+    assert wish - np.pi / 4.74976 < plan_actuation_time(plan, "before") <= wish
     nearer = modified_inversion(TWO_DISC, SLEW, axis_distance=0.5, real_part=0.99 * plan.alpha, error_poles=CHAIN, design="robust")
-    assert plan_preactuation_time(nearer) > wish  # no need to move the zeros less far, no room either
+    assert plan_actuation_time(nearer, "before") > wish  # no need to move the zeros less far, no room either
 
 
 def test_plan_within_an_error() -> None:
@@ -71,7 +71,7 @@ def test_zeros_on_the_axis() -> None:
     plan = tune_modified_inversion(
         PASSIVE_TWO_DISC, SLEW, error_poles=CHAIN, preactuation=5.0, axis_distance=0.1, real_parts=(0.5, 2.0), design="robust"
     )
-    assert 5.0 - np.pi / 4.755 < plan_preactuation_time(plan) <= 5.0
+    assert 5.0 - np.pi / 4.755 < plan_actuation_time(plan, "before") <= 5.0
 
 
 def test_several_outputs_afford_any_error() -> None:
@@ -86,4 +86,4 @@ def test_several_outputs_afford_any_error() -> None:
 def test_hover() -> None:
     pair, _ = moved_pair(2.0)
     plan = tune_modified_inversion(HE3, HOVER, error_poles=HE3_POLES, preactuation=4.0, zeros=[pair], design="robust")
-    assert 0.99 * 4.0 < plan_preactuation_time(plan) <= 4.0
+    assert 0.99 * 4.0 < plan_actuation_time(plan, "before") <= 4.0

@@ -51,12 +51,21 @@ ROOMS = (
 
 NOT_DOORS = {
     # what functions return; nobody makes one by hand
-    *("Certificate", "Plan", "PolynomialSegments", "PreactuationBound", "SampledPlan", "Samples", "Tail", "Trajectory"),
+    *("Certificate", "Plan", "PolynomialSegments", "PreactuationBound", "Ringing", "SampledPlan", "Samples", "Tail", "Trajectory"),
     *("TwoSidedSegments", "NormalForm", "Zero", "ZeroReport", "BoundaryConditions", "Candidate", "FeasibilityReport"),
     *("IntervalReport", "JumpReport", "Modification", "ModifiedTrajectory", "TradeOff", "TradeOffPoint", "ActiveLimit"),
     *("ActiveStretch", "Optimality", "OptimalTrajectory", "TrimPoint", "TrimmedQuantity"),
     *("ConstrainedTrajectory", "FrequencyResponse", "ImpulseResponse", "Outcome", "Prefilter", "PrefilteredTrajectory"),
-    *("ReferenceReport", "InadmissibleState", "RegulationCertificate", "RegulationMap", "Regulator", "Event", "RunResult"),
+    *(
+        "ReferenceReport",
+        "InadmissibleState",
+        "RegulationCertificate",
+        "RegulationMap",
+        "Regulator",
+        "Event",
+        "Metrics",
+        "RunResult",
+    ),
     *("Signal", "SimulatedPlant", "LinearStepper", "LinearStageInput", "OutputFeedbackLaw", "AffineLaw", "DifferenceLaw"),
     *("Instants", "Configuration", "Session", "InvtrackError", "DivergedError", "MissingError"),
     # protocols, aliases and what only its own tests make
@@ -210,7 +219,7 @@ def _calls() -> dict[str, Call]:
         "read_plan": call(plans.read_plan, path="plan.csv"),
         "preactuation_bound": call(plans.preactuation_bound, plan=invtrack.invert(antistable, slew)),
         # inversion
-        "invert": call(invtrack.invert, model=model, reference=slew, tolerance=1e-8, max_preactuation=3.0),
+        "invert": call(invtrack.invert, model=model, reference=slew, tolerance=1e-8, max_preactuation=3.0, max_postactuation=3.0),
         "feasibility": call(inversion.feasibility, model=model, reference=slew),
         "modified_inversion": call(
             invtrack.modified_inversion,
@@ -223,6 +232,7 @@ def _calls() -> dict[str, Call]:
             output_scale=1.0,
             tolerance=1e-8,
             max_preactuation=3.0,
+            max_postactuation=3.0,
         ),
         "modified_inversion of named zeros": call(
             invtrack.modified_inversion, model=antistable, reference=slew, move={2.0: 4.0}, error_poles=[-3.0]
@@ -250,7 +260,7 @@ def _calls() -> dict[str, Call]:
             level=0.01,
             error_poles=[-3.0],
         ),
-        "causal_inverse": call(invtrack.causal_inverse, model=model, reference=slew, tolerance=1e-8),
+        "causal_inverse": call(invtrack.causal_inverse, model=model, reference=slew, tolerance=1e-8, max_postactuation=3.0),
         "steady_state_feedforward": call(inversion.steady_state_feedforward, model=model, reference=slew),
         # redesign
         "Limits": call(invtrack.Limits, input=1.0, input_rate=5.0, output=2.0, states=[]),
@@ -265,6 +275,7 @@ def _calls() -> dict[str, Call]:
             probabilities=[1.0],
             tolerance=1e-8,
             max_preactuation=5.0,
+            max_postactuation=5.0,
         ),
         "constrained_redesign": call(
             invtrack.constrained_redesign,
@@ -277,6 +288,7 @@ def _calls() -> dict[str, Call]:
             step=0.05,
             tolerance=1e-8,
             max_preactuation=5.0,
+            max_postactuation=5.0,
         ),
         "prefilter": call(
             redesign.prefilter,
@@ -368,7 +380,9 @@ def _calls() -> dict[str, Call]:
         "residual_vibration": call(invtrack.residual_vibration, result=vibrating, periods=1.0, duration=1.0),
         "state_vibration": call(results.state_vibration, result=run, names=["x1"], periods=1.0, duration=1.0),
         "preactuation_time": call(results.preactuation_time, motion=plan, level=0.01),
-        "peak_input": call(results.peak_input, result=run),
+        "postactuation_time": call(results.postactuation_time, motion=plan, level=0.01),
+        "peak_input": call(results.peak_input, motion=run),
+        "peak_input_above_rest": call(results.peak_input_above_rest, motion=run),
         "peak_commanded_input": call(results.peak_commanded_input, result=run),
         "metrics": call(invtrack.metrics, result=vibrating, periods=1.0, duration=1.0),
         "run_cost": call(results.run_cost, result=run, R=1.0, Q_x=0.1, Q_y=10.0, u_0=0.0, wanted=run.reference.values),

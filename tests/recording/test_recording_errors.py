@@ -91,7 +91,7 @@ def test_a_later_format_is_refused(run: RunResult, tmp_path: Path, monkeypatch: 
     with monkeypatch.context() as later:
         later.setattr(recording_file, "FORMAT", 99)
         path = save_recording(run, tmp_path / "run.rrd")
-    with pytest.raises(RecordingError, match="format 99, this version reads 2"):
+    with pytest.raises(RecordingError, match="format 99, this version reads 3"):
         load_recording(path)
 
 

@@ -46,6 +46,7 @@ def test_every_float_and_every_name_survives(
     time = np.array([-1.0, -1 / 3, 1e-12, 1e3])
     settings_of_run = {
         "manoeuvre": (-1 / 3, 0.1),
+        "rest_inputs": np.full((2, 3), np.nan),
         "timestep": 1e-12,
         "evaluate": "stages",
         "integrator": "",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,13 @@ from hypothesis import strategies as st
 
 from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
-from invtrack.results.metrics import (
+from invtrack.results import (
     max_error,
     metrics,
     peak_commanded_input,
     peak_input,
+    peak_input_above_rest,
+    postactuation_time,
     preactuation_time,
     residual_vibration,
     rms_error,
@@ -82,10 +85,77 @@ def test_preactuation_time_of_an_exponential() -> None:
     assert preactuation_time(run, level=1e-4) == pytest.approx(-np.log(1e-4 * PEAK_INPUT) / GROWTH_RATE, abs=2e-3)
 
 
-def test_preactuation_time_counts_from_the_last_quiet_moment() -> None:
+def applying(run: RunResult, u: np.ndarray, rest: tuple[float, float] = (0.0, 0.0)) -> RunResult:
+    """The run with other inputs (N,), and the plan's rests before and after the manoeuvre."""
+    applied = replace(run.applied, values=u[:, None])
+    return replace(run, applied=applied, commanded=applied, rest_inputs=np.array(rest)[:, None])
+
+
+def test_an_input_that_returns_to_rest_for_a_while_acts_from_its_first_time_on() -> None:
     run = two_mode_run(timestep=0.01)
-    early_burst = run.applied.values + 10.0 * (run.time[:-1, None] < -4)
-    assert preactuation_time(replace(run, applied=replace(run.applied, values=early_burst))) == preactuation_time(run)
+    begins = run.time[:-1]
+    burst = run.applied.values[:, 0] + 10.0 * ((begins >= -5) & (begins < -4))
+    assert preactuation_time(applying(run, burst)) == pytest.approx(5.0, abs=0.011)
+
+
+@pytest.mark.parametrize("frequency", [1.0, 6.0, 40.0])
+@pytest.mark.parametrize("level", [0.01, 0.1])
+def test_the_envelope_counts_not_a_passage_through_rest(frequency: float, level: float) -> None:
+    """e^t cos(w t) before and e^-t' cos(w t') after the manoeuvre, 1 within: the tips lie on e^t, half a turn apart at most."""
+    run = two_mode_run(start=-8.0, end=16.0, timestep=1e-3)
+    t = (run.time[:-1] + run.time[1:]) / 2
+    away = np.maximum(np.maximum(MANOEUVRE[0] - t, t - MANOEUVRE[1]), 0.0)
+    swinging = applying(run, np.exp(-away) * np.cos(frequency * away))
+    envelope, half_a_turn = -np.log(level), np.pi / frequency
+    for time in (preactuation_time(swinging, level=level), postactuation_time(swinging, level=level)):
+        assert envelope - half_a_turn < time < envelope + 2e-3
+
+
+@settings(max_examples=30, deadline=None)
+@given(before=st.floats(-1e3, 1e3), after=st.floats(-1e3, 1e3))
+def test_inputs_count_from_rest_whatever_it_takes_to_hold(before: float, after: float) -> None:
+    """A load held before and another one held after the manoeuvre are neither preactuation nor postactuation."""
+    run = two_mode_run(timestep=0.01)
+    t = (run.time[:-1] + run.time[1:]) / 2
+    held = np.where(t < MANOEUVRE[0], before, after)
+    inside = (t > 0) & (t < 4)
+    bump = np.where(inside, 1e4 * np.sin(np.pi * t / 4), 0.0)
+    loaded = applying(run, held + bump, (before, after))
+    assert preactuation_time(loaded) == 0
+    assert postactuation_time(loaded) == 0
+    assert peak_input(loaded) == pytest.approx(1e4 + after, rel=1e-5)
+    # The bump stands on the load that is held at its end; where the other one is larger it counts from there.
+    assert peak_input_above_rest(loaded) == pytest.approx(1e4 + after - max(before, after), rel=1e-5)
+
+
+def test_holding_a_load_takes_no_input_above_rest() -> None:
+    run = two_mode_run(timestep=0.01)
+    picked_up = applying(run, np.where(run.time[:-1] < 1.0, 20.0, 50.0), (20.0, 50.0))
+    assert peak_input(picked_up) == 50
+    assert peak_input_above_rest(picked_up) == 0
+
+
+def test_rest_at_one_end_only_leaves_the_other_times_undefined() -> None:
+    run = two_mode_run(timestep=0.01)
+    moving = applying(run, run.applied.values[:, 0], (0.0, np.nan))
+    values = metrics(moving)
+    assert values.postactuation_time is None
+    assert values.notes["postactuation_time"] == "the input is not at rest after the manoeuvre: the plan goes on moving there"
+    assert values.preactuation_time == preactuation_time(run)
+    assert values.peak_input_above_rest == pytest.approx(PEAK_INPUT, rel=1e-4)
+    assert metrics(applying(run, run.applied.values[:, 0], (np.nan, np.nan))).peak_input_above_rest is None
+
+
+def test_a_run_that_begins_or_ends_in_mid_action_gives_a_lower_bound_and_says_so() -> None:
+    run = two_mode_run(start=-0.2, end=4.3, timestep=0.01)
+    values = metrics(run, duration=0.3)
+    assert values.preactuation_time == pytest.approx(0.2)
+    assert values.notes["preactuation_time"] == "at least: the input is above 1 % of its peak from the run's start on"
+    assert values.postactuation_time == pytest.approx(0.3)
+    assert values.notes["postactuation_time"] == "at least: the input is above 1 % of its peak until the run's end"
+    whole = metrics(two_mode_run(timestep=1e-3))
+    assert whole.postactuation_time == pytest.approx(np.log(1 / (0.01 * PEAK_INPUT)), abs=2e-3)  # e^-t after the manoeuvre
+    assert whole.notes == {}
 
 
 def test_preactuation_time_at_its_limits() -> None:
@@ -139,7 +209,7 @@ def test_the_window_ends_where_it_says() -> None:
     ("change", "options", "message"),
     [
         ({}, {"periods": 7}, r"ends at t = 16 s, .* simulate until 18 s"),
-        ({"vibration_period": float("nan")}, {}, r"no flexible mode .* duration="),
+        ({"vibration_period": float("nan"), "manoeuvre": (4.0, 4.0)}, {}, r"no flexible mode .* duration="),
         ({}, {"periods": 0}, "expected a positive, finite length"),
         ({}, {"duration": float("nan")}, "expected a positive, finite length"),
     ],
@@ -155,6 +225,34 @@ def test_windows_that_cannot_be_had_are_refused(change: dict[str, Any], options:
 def test_a_stated_duration_needs_no_flexible_mode() -> None:
     run = replace(two_mode_run(modes=SINE), vibration_period=float("nan"))
     assert residual_vibration(run, duration=4.0) == pytest.approx(2e-3, rel=1e-3)
+
+
+def test_without_a_flexible_mode_the_window_is_as_long_as_the_manoeuvre() -> None:
+    run = replace(two_mode_run(modes=SINE, timestep=0.01), vibration_period=float("nan"))
+    late = replace(run, output=replace(run.output, values=run.output.values + (run.time[:, None] > 8.05)))  # 4 s after 4 s
+    values = metrics(late)
+    assert values.residual_vibration == pytest.approx(2e-3, rel=1e-3)
+    assert values.vibration_window == 4.0
+    assert values.notes == {"residual_vibration": "no flexible mode: window of the manoeuvre's length, 4 s"}
+
+
+@pytest.mark.parametrize(
+    ("change", "options", "reason"),
+    [
+        ({}, {"periods": 7}, r"ends at t = 16 s, .* simulate until 18 s"),
+        ({"vibration_period": float("nan"), "manoeuvre": (4.0, 4.0)}, {}, "no flexible mode and no manoeuvre of any length"),
+    ],
+)
+def test_one_figure_that_is_not_defined_takes_none_of_the_others_with_it(
+    change: dict[str, Any], options: dict[str, float], reason: str
+) -> None:
+    run = replace(two_mode_run(modes=SINE), **change)
+    values = metrics(run, **options)
+    assert values.residual_vibration is None
+    assert re.search(reason, values.notes["residual_vibration"])
+    others = [values[name] for name in values if name not in ("notes", "residual_vibration", "vibration_window")]
+    assert len(others) == 7
+    assert all(isinstance(value, float) and np.isfinite(value) for value in others)
 
 
 def test_state_vibration_is_relative_to_the_reference() -> None:
@@ -173,25 +271,41 @@ def test_a_diverged_run_keeps_its_finite_values() -> None:
     assert values["residual_vibration"] is None
     assert values["max_error"] == pytest.approx(1e200)
     assert values["peak_input"] == pytest.approx(1e200)
-    numbers = [value for value in values.values() if value is not None]
-    assert len(numbers) == 5
-    assert np.all(np.isfinite(numbers))
+    for name in ("residual_vibration", "preactuation_time", "postactuation_time"):
+        assert values[name] is None
+        assert "diverged" in values.notes[name]
+    for name in ("rms_error", "peak_commanded_input", "peak_input_above_rest"):
+        assert np.isfinite(values[name])
     with pytest.raises(InvtrackError, match="diverged"):
         residual_vibration(run)
+
+
+def test_a_run_without_a_finite_sample_has_reasons_and_no_figures() -> None:
+    run = diverged(two_mode_run(modes=SINE), at=5.0)
+    bad = replace(run, output=replace(run.output, values=np.full_like(run.output.values, np.inf)))
+    assert metrics(bad).max_error is None
+    assert "no finite sample" in metrics(bad).notes["max_error"]
+    assert metrics(bad).peak_input == pytest.approx(1e200)
+    with pytest.raises(InvtrackError, match="no finite sample"):
+        max_error(bad)
 
 
 def test_a_completed_run_must_be_finite() -> None:
     run: RunResult = replace(diverged(two_mode_run(), at=5.0), status="completed")
     with pytest.raises(InvtrackError, match="was completed, but is not finite at t = 5"):
-        metrics(run)
+        max_error(run)
+    assert metrics(run).max_error is None
+    assert "was completed, but is not finite at t = 5" in metrics(run).notes["max_error"]
 
 
 def test_the_summary_holds_all_metrics_by_name(tmp_path: Path) -> None:
     run = two_mode_run()
     folder = RunFolder(tmp_path)
-    folder.keep(cases={run.name: metrics(run)})
+    folder.keep(cases={run.name: {**metrics(run, periods=7), "status": "completed"}})
     folder.finish("complete")
     case = json.loads((tmp_path / "summary.json").read_text())["cases"]["exact"]
     assert set(case) == {
-        "max_error", "rms_error", "residual_vibration", "peak_input", "peak_commanded_input", "preactuation_time",
+        "max_error", "rms_error", "residual_vibration", "vibration_window", "peak_input", "peak_commanded_input",
+        "peak_input_above_rest", "preactuation_time", "postactuation_time", "notes", "status",
     }  # fmt: skip
+    assert set(case["notes"]) == {"residual_vibration"}

@@ -9,7 +9,7 @@ import pytest
 
 from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
-from invtrack.results.metrics import run_cost
+from invtrack.results import run_cost
 from invtrack.results.result import RunResult, Signal
 from tests.synthetic_runs import diverged, two_mode_run
 

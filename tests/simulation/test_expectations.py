@@ -29,7 +29,7 @@ def test_schedules_hold_changes() -> None:
 
 def test_more_steps_than_can_be_recorded_are_refused() -> None:
     controller = invtrack.TrackingController(invtrack.invert(POINT_MASS, SLEW))
-    with pytest.raises(SimulationError, match=r"takes 1.0e\+09 steps, more than the 5e\+07"):
+    with pytest.raises(SimulationError, match=r"takes 2.0e\+09 steps, more than the 5e\+07"):
         invtrack.simulate(invtrack.LinearPlant(POINT_MASS), controller, timestep=1e-9)
 
 
@@ -56,6 +56,30 @@ def test_a_feedback_held_for_too_long_is_pointed_out() -> None:
         coarse = invtrack.simulate(plant, stiff, timestep=0.02, initial_state=[1e-6, 0.0])
     fine = invtrack.simulate(plant, stiff, timestep=0.005, initial_state=[1e-6, 0.0])
     assert coarse.status == "diverged" or invtrack.max_error(coarse) > 1e3 * invtrack.max_error(fine)
+
+
+def test_the_plant_that_is_there_decides_whether_a_held_feedback_is_stable() -> None:
+    """x'' = k u, u = -w^2 x - 2 w x' with k = 4: the sampled loop is unstable at a hold at which the plan's own, k = 1, is not."""
+    stronger = invtrack.StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [4.0]], [[1.0, 0.0]])
+    controller = invtrack.TrackingController(invtrack.invert(POINT_MASS, SLEW), [[100.0**2, 2 * 100.0]])
+    invtrack.simulate(invtrack.LinearPlant(POINT_MASS), controller, timestep=5e-3)
+    K, hold = np.array([[1e4, 200.0]]), 5e-3
+    A_d, B_d = np.array([[1.0, hold], [0.0, 1.0]]), 4 * np.array([[hold**2 / 2], [hold]])  # exact for a double integrator
+    radius = np.max(np.abs(np.linalg.eigvals(A_d - B_d @ K)))
+    with pytest.warns(RuntimeWarning, match=rf"held for 0.005 s: errors grow {radius:.4g} times"):
+        invtrack.simulate(invtrack.LinearPlant(stronger), controller, timestep=hold)
+
+
+@pytest.mark.parametrize(("zero", "when"), [(3000.0, "grows before"), (-3000.0, "dies out after")])
+def test_a_zero_faster_than_the_hold_is_pointed_out_where_the_input_shows_it(zero: float, when: str) -> None:
+    """(1 - s / zero) / (s + 1)^2: a reference without curvature to spare makes the input of the zero's own time."""
+    model = invtrack.StateSpace([[0.0, 1.0], [-1.0, -2.0]], [[0.0], [1.0]], [[1.0, -1 / zero]])
+    rough, smooth = invtrack.rest_to_rest(0.0, 1.0, 1.0, smoothness=1), invtrack.rest_to_rest(0.0, 1.0, 1.0, smoothness=4)
+    controller = invtrack.TrackingController(invtrack.invert(model, rough))
+    with pytest.warns(RuntimeWarning, match=rf"of its peak, {when} the manoeuvre at 3000 rad/s, a zero faster than the 0.001 s"):
+        invtrack.simulate(invtrack.LinearPlant(model), controller, timestep=1e-3)
+    invtrack.simulate(invtrack.LinearPlant(model), controller, timestep=1e-4, end=1.1)  # fine enough
+    invtrack.simulate(invtrack.LinearPlant(model), invtrack.TrackingController(invtrack.invert(model, smooth)), timestep=1e-3)
 
 
 def test_sensors_that_nobody_looks_at_are_pointed_out() -> None:

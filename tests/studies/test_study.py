@@ -261,6 +261,23 @@ def test_warnings_of_a_simulation_become_remarks(elsewhere: Path, capsys: pytest
     assert "expect saturation" in summary(elsewhere / "runs/tiny")["warnings"]["narrow"][0]
 
 
+def test_a_long_run_is_announced_before_it_begins(
+    elsewhere: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("invtrack.simulation.span.LONG", 100)
+    said: list[str] = []
+
+    def draw(run: invtrack.RunResult) -> None:
+        said.append(capsys.readouterr().err)
+        raise KeyboardInterrupt
+
+    assert ended(study(cases=[case("first", numbers=draw)])) == 130
+    assert "first: a long run: 6 s in 3e+02 steps of 0.02 s" in said[0]
+    assert ended(study(cases=[case("first")]), "--quiet") == 0
+    assert "a long run" not in capsys.readouterr().err
+    assert "a long run" in summary(elsewhere / "runs/tiny")["warnings"]["first"][0]
+
+
 def test_a_study_may_add_options_of_its_own(elsewhere: Path) -> None:
     @dataclass(frozen=True, kw_only=True)
     class SweepOptions(StudyOptions):

@@ -81,3 +81,18 @@ def test_short_numbers_are_right_to_three_digits(value: float) -> None:
     assert re.fullmatch(r"0|-?\d\.\d\de-?\d+|-?(\d\.\d\d|\d\d\.\d|\d\d\d|0\.0?\d{3})", text)
     # Half a unit of the third digit; a subnormal number has fewer digits of its own.
     assert abs(float(text) - value) <= 0.00501 * abs(value) + 5e-324
+
+
+def test_what_is_not_defined_is_a_dash_whose_reason_stands_below_once(capsys: pytest.CaptureFixture[str]) -> None:
+    reason, other = {"notes": {"x": "no flexible mode"}}, {"notes": {"x": "at least", "hidden": "not shown"}}
+    rows: dict[str, dict[str, object]] = {
+        "a": {"x": None, **reason},
+        "b": {"x": None, **reason},
+        "c": {"x": 1.0, **other},
+        "d": {"x": 2.0},
+    }
+    print_table("", columns=[Column("x", "m")], rows=rows)
+    out = capsys.readouterr().out
+    assert [line.split() for line in out.splitlines() if line[:2] in ("a ", "b ")] == [["a", "-"], ["b", "-"]]
+    assert "x (a, b): no flexible mode\nx (c): at least\n" in out
+    assert "not shown" not in out

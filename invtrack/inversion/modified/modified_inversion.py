@@ -156,6 +156,7 @@ def modified_inversion(
     output_scale: ArrayLike | None = None,
     tolerance: float = 1e-10,
     max_preactuation: float | None = None,
+    max_postactuation: float | None = None,
 ) -> ModifiedTrajectory:
     """A bounded trajectory of the plant near `reference`, from an inverse some of whose poles (zeros of the plant) are moved.
 
@@ -164,7 +165,7 @@ def modified_inversion(
     acts on derivatives of y_d alone, so the output comes to rest on its target.
 
     Args:
-        model, reference, tolerance, max_preactuation: as for `invert`.
+        model, reference, tolerance, max_preactuation, max_postactuation: as for `invert`.
         error_poles: poles of e [rad/s], as many as the relative degrees add up to, output by output; by default a Butterworth
             pattern for each output, 1.25 times as fast as the fastest place to which a zero is moved (see `default_error_poles`).
         move: {zero: where it goes} [rad/s], zeros to four digits, conjugates implied.
@@ -177,11 +178,13 @@ def modified_inversion(
         output_scale: sizes at which errors of the outputs count alike (p,), or one for all; by default the peak of each output's
             motion, and the largest of these for outputs that hold still.
 
-    Raises PlanError (tolerance, max_preactuation; too ill-conditioned), InversionError (other options, zeros that cannot be moved,
+    Raises PlanError (options out of range; too ill-conditioned), InversionError (other options, zeros that cannot be moved,
     no equilibrium for the held output), NonHyperbolicError (zeros on the axis not moved), TrajectoryError, RelativeDegreeError,
     BoundednessError. Source: Devasia 1996 (non-hyperbolic internal dynamics), eqs. 12-18.
     """
-    planning = PlanningProblem.of(model, reference, tolerance=tolerance, max_preactuation=max_preactuation)
+    planning = PlanningProblem.of(
+        model, reference, tolerance=tolerance, max_preactuation=max_preactuation, max_postactuation=max_postactuation
+    )
     one_of("design", design, get_args(Design), error=InversionError)
     plant, deviation = planning.plant, planning.deviation
     wish = Wish(move, axis_distance, real_part)

@@ -17,7 +17,7 @@ from invtrack.inversion.modified.moved_zeros import Wish, intervals_named
 from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.linear.switched import as_switched
 from invtrack.linear.zeros import zeros
-from invtrack.plans.preactuation import plan_preactuation_time
+from invtrack.plans.actuation import plan_actuation_time
 from invtrack.references.signal import PiecewiseSignal
 
 SCAN = 9
@@ -111,7 +111,7 @@ def tune_modified_inversion(
     low, high = limits
     scan = np.geomspace(low, high, SCAN)
     if preactuation is not None:
-        return _first_within(plan, scan, partial(plan_preactuation_time, level=level), preactuation, "preactuation [s]")
+        return _first_within(plan, scan, partial(plan_actuation_time, side="before", level=level), preactuation, "preactuation [s]")
     return _first_within(plan, scan, lambda plan: plan.relative_error, float(error or 0.0), "error", rising=True)
 
 
@@ -193,7 +193,7 @@ def _range(moved: ComplexArray) -> tuple[float, float]:
 
 
 def _point(real_part: float, plan: ModifiedTrajectory, level: float) -> TradeOffPoint:
-    preactuation = plan_preactuation_time(plan, level)
+    preactuation = plan_actuation_time(plan, "before", level)
     bound = error_bound(
         plan.model, plan.reference, start=plan.manoeuvre[0] - max(preactuation, 0.0), output_scale=plan.output_scale
     )
