@@ -127,7 +127,7 @@ def _explanation(plan: invtrack.Plan) -> str:
     certificate = plan.certificate
     return (
         f"start: the run begins at rest this long before the manoeuvre; the plan is then within {plan.tolerance:.0e} of each\n"
-        "peak of rest. preactuation time: how long |u| stays above 1 % of its peak before the manoeuvre. Vibrations: peak to\n"
+        "peak of rest. preactuation time: how long before the manoeuvre |u| gets above 1 % of its peak. Vibrations: peak to\n"
         "peak over 5 periods of the slowest flexible mode after the manoeuvre; deflection and rotation against their plan.\n"
         f"plan: dynamics residual {certificate.dynamics_residual:.1e}, output error {certificate.output_error:.1e} (relative)."
     )

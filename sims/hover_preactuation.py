@@ -91,7 +91,6 @@ def _numbers(plan: invtrack.Plan, run: invtrack.RunResult) -> dict[str, Any]:
         **invtrack.metrics(run),
         "predicted_max_error": float(np.max(np.abs(predicted))),
         "difference_from_prediction": invtrack.max_error(run, wanted="planned_output"),
-        "first_above_1_percent": invtrack.results.preactuation_time(plan, level=0.01),
         "alpha": decay_pair(plan).real,
         "fitted_decay_rate": fitted_decay_rate(run, decay_pair(plan)),
         "start": float(run.time[0]),

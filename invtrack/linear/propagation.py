@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from invtrack.arrays import Array, Indices
+from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.transition_powers import (
     NODE_ANGLE,
@@ -72,9 +72,14 @@ class Propagator:
         return float(np.linalg.norm(self._powers.matrix, 2)) if self.M.size else 0.0
 
     @cached_property
+    def eigenvalues(self) -> ComplexArray:
+        """Those of M (q,) [rad/s]."""
+        return np.linalg.eigvals(self.M).astype(complex)
+
+    @cached_property
     def growth(self) -> float:
         """The largest real part of M's eigenvalues [1/s]; minus infinity without states."""
-        return float(np.max(np.linalg.eigvals(self.M).real, initial=-math.inf))
+        return float(np.max(self.eigenvalues.real, initial=-math.inf))
 
     @cached_property
     def transposed(self) -> Propagator:

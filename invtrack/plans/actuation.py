@@ -7,14 +7,15 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy  # loads scipy.optimize at its first use
+from numpy.typing import NDArray
 
-from invtrack.arrays import Array, require_share
+from invtrack.arrays import Array, ComplexArray, require_share
 from invtrack.errors import TrajectoryError
 from invtrack.plans.input_tail import InputTail, input_tail
 from invtrack.plans.plan import Plan, dense_times, require_plan
 from invtrack.plans.preactuation import tail_bound
 from invtrack.plans.ringing import LEVEL, Ringing
-from invtrack.plans.tail import Side
+from invtrack.plans.tail import SIDES, Side
 
 CLOSE_UP, SAMPLES_CLOSE_UP = 3, 4000
 """Turns of the slowest mode in which the last time above a level is looked for again, and points there."""
@@ -51,8 +52,8 @@ def peak_departure(plan: Plan, side: Side) -> float:
     """Largest |u - u_rest| of a plan, in the Euclidean norm over the inputs, from its rest on one side."""
     times, inside = dense_times(plan.breakpoints)
     samples = [plan.inputs(times, inside=inside)]
-    for number, (end, sign) in enumerate((("before", -1.0), ("after", 1.0))):
-        tail = None if np.any(np.isnan(plan.rest_inputs[number])) else input_tail(plan, end)  # type: ignore[arg-type]
+    for end, rest, sign in zip(SIDES, plan.rest_inputs, (-1.0, 1.0), strict=True):
+        tail = None if np.any(np.isnan(rest)) else input_tail(plan, end)
         if tail:
             horizon = 10.0 / tail.slowest if tail.slowest > 0 else 20 * np.pi / float(np.max(np.abs(tail.rates)))
             sigma = tail.distances(horizon)
@@ -62,10 +63,11 @@ def peak_departure(plan: Plan, side: Side) -> float:
 
 def ringing(plan: Plan) -> Ringing | None:
     """What lightly damped modes make of the input after the manoeuvre, where that is more than 1 % of its peak there."""
-    if np.any(np.isnan(plan.rest_inputs[1])):
+    after = plan.trajectory.after
+    if not after.departs or not np.any(_light(after.departure.eigenvalues)) or np.any(np.isnan(plan.rest_inputs[1])):
         return None
     tail = input_tail(plan, "after")
-    light = (-tail.rates.real < LIGHTLY_DAMPED * np.abs(tail.rates)) & (tail.rates.imag != 0)
+    light = _light(tail.rates)
     if not np.any(light) or tail.slowest <= 0:
         return None
     peak = peak_departure(plan, "after")
@@ -76,6 +78,11 @@ def ringing(plan: Plan) -> Ringing | None:
     rates = tail.rates[heard]
     rate = rates[np.argmax(rates.real)]
     return Ringing(float(abs(rate)), float(-rate.real / abs(rate)), share, plan_actuation_time(plan, "after"))
+
+
+def _light(rates: ComplexArray) -> NDArray[np.bool_]:
+    """Which modes (k,) oscillate with little damping."""
+    return np.asarray((-rates.real < LIGHTLY_DAMPED * np.abs(rates)) & (rates.imag != 0))
 
 
 def _reach(tail: InputTail, limit: float) -> float | None:

@@ -15,6 +15,8 @@ from invtrack.linear.scaling import pace_of
 Side = Literal["before", "after"]
 """Of a manoeuvre."""
 
+SIDES: tuple[Side, Side] = ("before", "after")
+
 SAMPLES = 2000
 """Resolution with which a decay time is found, in shares of itself."""
 

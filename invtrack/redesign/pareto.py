@@ -35,7 +35,7 @@ WEIGHTS = {"R", "Q_x", "Q_y"}
 class Outcome:
     """What one plan gives up and what it asks for, from its values alone.
 
-    max_error: largest |y_i - y_d,i|. peak_input: largest |u_i - u0_i|. rms_input: square root of the integral of |u - u0|^2 from
+    max_error: largest |y_i - y_d,i|. peak_input: largest |u_i|. rms_input: square root of the integral of |u - u0|^2 from
     the plan's start to its end, divided by the duration of the manoeuvre. peaks: largest magnitude of each named internal quantity.
     Units are those of the outputs, inputs and states.
     """
@@ -159,7 +159,7 @@ def outcome(plan: Plan, quantities: Mapping[str, StateRow] | None = None) -> Out
     energy = float(np.sum(scipy.integrate.simpson(power, x=times, axis=1)))
     return Outcome(
         max_error=_peak(at.y - at.y_d),
-        peak_input=_peak(u),
+        peak_input=_peak(at.u),
         rms_input=float(np.sqrt(energy / (plan.manoeuvre[1] - plan.manoeuvre[0]))),
         peaks={name: _peak(at.x @ row) for name, row in rows.items()},
     )

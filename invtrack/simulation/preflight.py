@@ -17,6 +17,7 @@ from invtrack.linear.propagation import zero_order_hold
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.actuation import peak_departure
 from invtrack.plans.input_tail import input_tail
+from invtrack.plans.tail import SIDES
 from invtrack.plant.parameters import Change
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
@@ -163,12 +164,13 @@ def warn_of_unstable_holds(controller: Controller, instants: Instants, model: Sw
 def warn_of_fast_zeros(controller: Controller, hold: float) -> None:
     """Say that part of the plan's input comes before the manoeuvre, or goes after it, within less than a hold [s]."""
     plan = controller.plan
-    for side, rest, moves in zip(("before", "after"), plan.rest_inputs, ("grows before", "dies out after"), strict=True):
-        tail = None if np.any(np.isnan(rest)) else input_tail(plan, side)  # type: ignore[arg-type]
-        fast = np.abs(tail.rates) * hold > 1 if tail else np.zeros(0)
-        if tail is None or not np.any(fast):
+    tails = (plan.trajectory.before, plan.trajectory.after)
+    for side, end, rest, moves in zip(SIDES, tails, plan.rest_inputs, ("grows before", "dies out after"), strict=True):
+        if not end.departs or not np.any(np.abs(end.departure.eigenvalues) * hold > 1) or np.any(np.isnan(rest)):
             continue
-        share = tail.amplitude(fast) / peak_departure(plan, side)  # type: ignore[arg-type]
+        tail = input_tail(plan, side)
+        fast = np.abs(tail.rates) * hold > 1
+        share = tail.amplitude(fast) / peak_departure(plan, side) if np.any(fast) else 0.0
         if share > NOTICED:
             rate = float(np.max(np.abs(tail.rates[fast])))
             warnings.warn(

@@ -20,7 +20,6 @@ COLUMNS = (
     Column("residual vibration", "SI"),
     Column("peak input", "1"),
     Column("preactuation time", "s"),
-    Column("first above 1%", "s", "first_above_1_percent"),
     Column("fitted decay rate", "1/s"),
     Column("start", "s"),
 )
@@ -85,9 +84,9 @@ def _errors(done: Session, alike: dict[str, dict[str, float]]) -> str:
 def _meanings(bounds: Mapping[str, PreactuationBound]) -> str:
     bounding = ", ".join(f"{bound.M:.3g} exp({bound.alpha:.5g} t) ({name})" for name, bound in bounds.items())
     return (
-        "start: the run begins at rest this long before the manoeuvre. preactuation time: since |u| was last below 1 % of\n"
-        "its peak; first above 1%: since it first exceeded that. residual vibration: peak to peak over 5 periods of the\n"
-        "slowest flexible mode after the manoeuvre. fitted decay rate: of |u| before the manoeuvre, where the plans keep\n"
+        "start: the run begins at rest this long before the manoeuvre. preactuation time: since |u| first exceeded 1 % of\n"
+        "its peak. residual vibration: peak to peak over 5 periods of the slowest flexible mode after the manoeuvre. fitted\n"
+        "decay rate: of |u| before the manoeuvre, where the plans keep\n"
         f"|u| below {bounding}."
     )
 

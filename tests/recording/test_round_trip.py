@@ -141,6 +141,15 @@ def test_events_stand_at_their_times(run: RunResult, tmp_path: Path) -> None:
     assert run.time[steps] == pytest.approx(seconds, abs=0.5 * run.timestep)
 
 
+def test_metrics_and_the_reasons_of_those_that_are_not_defined_stand_beside_the_run(run: RunResult, tmp_path: Path) -> None:
+    recorded = Recorded(save_recording(run, tmp_path / "run.rrd"))
+    ((text,),) = recorded.column("/inversion/metrics", "TextDocument:text")
+    assert "| peak input | 0.5 N |" in text  # the clipped sine
+    assert "| residual vibration | - |" in text
+    assert "residual vibration: run 'inversion' ends at t = " in text
+    assert "- the run ends at t = 0.8 s" in text
+
+
 def test_every_view_shows_entities_that_exist(run: RunResult, tmp_path: Path) -> None:
     path = save_recording([run, mechanism_run("other one", steps=20)], tmp_path / "run.rrd")
     layout, recorded = Recorded(path, blueprint=True), Recorded(path)

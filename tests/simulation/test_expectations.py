@@ -97,3 +97,25 @@ def test_representations_are_short() -> None:
     assert len(repr(run)) < 300
     assert "'slew'" in repr(run)
     assert np.array_equal(run.time, run.thinned(1).time)
+
+
+CART_POLE = invtrack.StateSpace(  # 1 kg cart, 0.2 kg at 0.5 m above it; output: the cart's position
+    [[0, 0, 1, 0], [0, 0, 0, 1], [0, -0.2 * 9.81, 0, 0], [0, 1.2 * 9.81 / 0.5, 0, 0]],
+    [[0], [0], [1], [-2]],
+    [[1, 0, 0, 0]],
+)
+TWO_MASSES = invtrack.StateSpace(np.kron(np.eye(2), [[0, 1], [0, 0]]), np.kron(np.eye(2), [[0], [1]]), np.kron(np.eye(2), [[1, 0]]))
+
+
+@pytest.mark.parametrize("model", [POINT_MASS, CART_POLE, TWO_MASSES], ids=["point mass", "cart-pole", "two masses"])
+def test_a_run_without_a_flexible_mode_has_all_its_figures(model: invtrack.StateSpace) -> None:
+    p = model.n_channels
+    plan = invtrack.invert(model, invtrack.rest_to_rest(np.zeros(p), np.ones(p), duration=1.0))
+    controller = invtrack.TrackingController(plan, invtrack.lqr(model, Q=1.0, R=1.0))
+    found = invtrack.metrics(invtrack.simulate(invtrack.LinearPlant(model), controller, timestep=1e-3))
+    assert all(isinstance(value, float) and np.isfinite(value) for name, value in found.items() if name != "notes")
+    assert found.notes == {"residual_vibration": "no flexible mode: window of the manoeuvre's length, 1 s"}
+    assert found.residual_vibration is not None
+    assert found.residual_vibration < 1e-4
+    assert found.preactuation_time == pytest.approx(invtrack.results.preactuation_time(plan), abs=2e-3)
+    assert found.postactuation_time == pytest.approx(invtrack.results.postactuation_time(plan), abs=2e-3)
