@@ -109,7 +109,7 @@ TWO_MASSES = invtrack.StateSpace(np.kron(np.eye(2), [[0, 1], [0, 0]]), np.kron(n
 
 @pytest.mark.parametrize("model", [POINT_MASS, CART_POLE, TWO_MASSES], ids=["point mass", "cart-pole", "two masses"])
 def test_a_run_without_a_flexible_mode_has_all_its_figures(model: invtrack.StateSpace) -> None:
-    p = model.n_channels
+    p = model.n_outputs
     plan = invtrack.invert(model, invtrack.rest_to_rest(np.zeros(p), np.ones(p), duration=1.0))
     controller = invtrack.TrackingController(plan, invtrack.lqr(model, Q=1.0, R=1.0))
     found = invtrack.metrics(invtrack.simulate(invtrack.LinearPlant(model), controller, timestep=1e-3))
