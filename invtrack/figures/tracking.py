@@ -108,7 +108,8 @@ def preactuation_figure(result: RunResult, *, level: float = 0.01) -> Figure:
             text = f"preactuation time {lasting:.3g} s"
             write(axes, text, (start, height), "data", (-3, -4), ha="right", va="top")
         if found.note:
-            write(axes, f"preactuation time: {found.note}", (0, 0), axes.transAxes, (4, 4), va="bottom")
+            said = "no preactuation time: " if found.value is None else f"preactuation time {found.value:.3g} s, "
+            write(axes, said + found.note, (0, 1), axes.transAxes, (4, -4), va="top")
     return figure
 
 

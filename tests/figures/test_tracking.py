@@ -142,6 +142,6 @@ def test_preactuation_is_drawn_from_rest_and_says_why_there_is_none(run: RunResu
     (axes,), (unloaded,) = preactuation_figure(loaded).axes, preactuation_figure(run).axes
     np.testing.assert_allclose(points(axes.get_lines()[0])[1], points(unloaded.get_lines()[0])[1], rtol=1e-9, atol=1e-12)
     late = texts(preactuation_figure(two_mode_run(start=-0.2)))
-    assert "preactuation time: at least: the input is above 1 % of its peak from the run's start on" in late
+    assert "preactuation time 0.2 s, at least: the input is above 1 % of its peak from the run's start on" in late
     moving = texts(preactuation_figure(replace(run, rest_inputs=np.full((2, 1), np.nan))))
-    assert "preactuation time: the input is not at rest before the manoeuvre: the plan goes on moving there" in moving
+    assert "no preactuation time: the input is not at rest before the manoeuvre: the plan goes on moving there" in moving

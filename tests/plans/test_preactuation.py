@@ -213,6 +213,11 @@ def test_plans_that_begin_before_their_tails_and_samples_of_plans_have_their_tim
     first = -t[np.flatnonzero(away > 0.01 * max(peak, away.max()))[0]]
     assert limited.breakpoints[0] < limited.manoeuvre[0]
     assert plan_actuation_time(limited, "before") == pytest.approx(first, abs=1e-3)
+    bound = preactuation_bound(limited)
+    assert bound.t_0 == limited.breakpoints[0]  # where the modes end: what limits act on lies behind it
+    earlier = bound.t_0 - np.linspace(0.0, 20.0, 20_001)
+    share = np.abs(limited.inputs(earlier)[:, 0]) / bound(earlier)
+    assert 0.5 < share.max() <= 1 + 1e-9
 
 
 def test_an_output_held_at_its_end_counts_from_the_rest_on_each_side() -> None:
