@@ -67,7 +67,7 @@ def span_of_run(plan: Plan, *, period: float, timestep: float, start: float | No
             "end it earlier (end=...), or take a larger timestep"
         )
     for text in texts:
-        warnings.warn(text, LongRunWarning, stacklevel=STACK + 1)
+        warnings.warn(text, LongRunWarning, stacklevel=STACK)
     return span
 
 

@@ -37,8 +37,9 @@ def test_a_plan_of_hours_is_cut_and_the_run_says_where_and_at_what_share() -> No
     plan = invtrack.invert(crane(0.02), SLEW)
     assert plan.end > 2e4
     controller = invtrack.TrackingController(plan, invtrack.lqr(plan.model, Q=1.0, R=1.0))
-    with pytest.warns(LongRunWarning, match=r"the run ends at t = 53 s, where the plan is still .* end=plan.end"):
+    with pytest.warns(LongRunWarning, match=r"the run ends at t = 53 s, where the plan is still .* end=plan.end") as heard:
         run = invtrack.simulate(invtrack.LinearPlant(plan.model), controller, timestep=1e-4, start=2.9, end=None)
+    assert heard[0].filename == __file__  # it points at the line that called simulate
     assert len(run.time) <= UNASKED + 2000
     assert run.time[-1] == 53.0
     (remark,) = run.remarks
