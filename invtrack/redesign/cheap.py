@@ -1,4 +1,4 @@
-"""Inputs so cheap that the optimum can hardly be told from exact inversion in working precision."""
+"""Optima that can hardly be told in working precision, such as those of inputs so cheap that they all but invert the plant."""
 
 from __future__ import annotations
 
@@ -75,11 +75,12 @@ def certified_optimum(problem: LeastCost) -> Certified:
     if not gap <= OPTIMAL:
         raise RedesignError(
             f"the optimum cannot be told in working precision: the best input found may cost up to {gap:.1e} of its cost too much, "
-            f"expected {OPTIMAL:g} or less; inputs are too cheap against the output errors for this reference: raise R, or take a "
-            "smoother reference so that invtrack.invert can follow it exactly"
+            f"expected {OPTIMAL:g} or less; where inputs are so cheap that the output errors drown in rounding, raise R or take a "
+            "smoother reference, so that invtrack.invert can follow it exactly; otherwise bring the units of the states closer to "
+            "each other"
         )
     if gap > REMARKABLE or remarks:
-        remarks = (f"inputs are so cheap that the plan is certified only to cost at most {gap:.1e} of its cost too much", *remarks)
+        remarks = (f"rounding allows to certify no more than that the plan costs at most {gap:.1e} of its cost too much", *remarks)
     return Certified(best, gap, remarks)
 
 

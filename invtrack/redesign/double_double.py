@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, Indices
 
-DIGITS = 106
-"""Binary digits of a sum of two doubles."""
+DIGITS = 105
+"""Binary digits to which factors are cut, below the largest entry of a row or column: a sum of two doubles has one more."""
 
 MANTISSA = 53
 """Binary digits of a double."""
@@ -21,7 +21,8 @@ class DoubleDouble:
     """high + low, both (m, n), low within half a unit in the last place of high.
 
     Products are summed without rounding: the factors are cut into slices of so few digits that the products of two slices are exact
-    in doubles, whatever the order in which they are added up, and the slices' products are then added in twice the precision.
+    in doubles, and so are the sums of all that are of one order, whatever the order in which they are added up: one product of
+    matrices with the slices side by side. The sums, each far smaller than the last, are then added in twice the precision.
     Errors are about 2^-100 of the largest entry of a row of the first factor times that of a column of the second.
 
     Sources: T. Dekker, "A floating-point technique for extending the available precision", Numerische Mathematik 18, 1971;
@@ -66,32 +67,56 @@ class DoubleDouble:
 
     def __matmul__(self, other: DoubleDouble) -> DoubleDouble:
         terms = self.high.shape[1]
-        bits = (MANTISSA - math.ceil(math.log2(max(terms, 2)))) // 2
-        count = -(-DIGITS // bits)
-        left, right = self._slices(1, bits, count), other._slices(0, bits, count)
-        total = DoubleDouble.of(np.zeros((len(self.high), other.high.shape[1])))
-        for order in range(count - 1, -1, -1):  # from the small products to the large ones
-            for i in range(max(0, order - len(right) + 1), min(order + 1, len(left))):
-                total = total + DoubleDouble.of(left[i] @ right[order - i])
-        return total
+        bits = (MANTISSA - 1 - math.ceil(math.log2(max(terms, 2)))) // 2
+        left, rows = _slices(self.high, self.low, bits)
+        right, columns = _slices(other.high.T, other.low.T, bits)
+        left_side, right_side = np.hstack(left), np.hstack(right[::-1]).T
+        orders = []
+        for order in range(min(-(-DIGITS // bits), len(left) + len(right) - 1)):
+            # Slice i of the one times slice order - i of the other, from the first i to the last.
+            first, last = max(0, order - len(right) + 1), min(order, len(left) - 1)
+            start = len(right) - 1 - order + first
+            orders.append(
+                left_side[:, first * terms : (last + 1) * terms] @ right_side[start * terms : (start + last + 1 - first) * terms]
+            )
+        return _descending_sum(orders, rows, columns)
 
-    def _slices(self, axis: int, bits: int, count: int) -> list[Array]:
-        """Matrices of `bits` digits each, below the largest entry along `axis`, that add up to this one, without trailing zeros."""
-        high, low = self.high, self.low
-        _, exponent = np.frexp(np.max(np.abs(high), axis=axis, keepdims=True, initial=0.0))
-        found = []
-        for number in range(1, count + 1):
-            if not np.any(high):
-                break
-            unit = np.ldexp(1.0, exponent - bits * number)
-            piece = np.rint(high / unit) * unit
-            found.append(piece)
-            high, low = _two_sum(high - piece, low)
-        return found
+
+def _slices(high: Array, low: Array, bits: int) -> tuple[list[Array], Indices]:
+    """Slices (m, n) of `bits` digits each, which add up to the matrix 2^-exponent (high + low), and the exponents (m,).
+
+    These make the largest entry of each row about one. There is at least one, and as many as hold DIGITS digits, or all there are.
+    """
+    _, exponent = np.frexp(np.max(np.abs(high), axis=1, initial=0.0))
+    high, low = np.ldexp(high, -exponent[:, None]), np.ldexp(low, -exponent[:, None])
+    found: list[Array] = []
+    while not found or (len(found) * bits < DIGITS and np.any(high)):
+        unit = math.ldexp(1.0, -bits * (len(found) + 1))
+        piece = high / unit
+        np.rint(piece, out=piece)
+        piece *= unit
+        found.append(piece)
+        high -= piece
+        high, low = _two_sum(high, low)
+    return found, exponent
+
+
+def _descending_sum(terms: list[Array], rows: Indices, columns: Indices) -> DoubleDouble:
+    """The sum of exact terms (m, n), each far smaller than the one before, times 2^rows_i 2^columns_j."""
+    high, low = np.zeros((len(rows), len(columns))), np.zeros((len(rows), len(columns)))
+    for term in reversed(terms):
+        high, error = _two_sum(term, high)
+        low += error
+    exponent = rows[:, None] + columns
+    return DoubleDouble(*(np.ldexp(part, exponent) for part in _two_sum(high, low)))
 
 
 def _two_sum(a: Array, b: Array) -> tuple[Array, Array]:
     """a + b rounded, and the rounding error, without error."""
     total = a + b
     part = total - a
-    return total, (a - (total - part)) + (b - part)
+    error = total - part
+    np.subtract(a, error, out=error)
+    np.subtract(b, part, out=part)
+    error += part
+    return total, error

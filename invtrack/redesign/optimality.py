@@ -99,14 +99,13 @@ class Conditions:
         return np.append(np.where(size > 0, np.minimum(work, taken_up), work), 2 * abs(weight @ unmoved))
 
     def _joints(self, trajectory: Trajectory, n: int) -> float:
-        """Twice the work of jumps of the costate on the state and of what is left at the ends."""
+        """Twice the work of the costate's jumps on the state and of the state's jumps on the costate, at all breakpoints."""
         edges = trajectory.breakpoints
         at = np.arange(len(edges))
         left, right = trajectory(edges, at), trajectory(edges, at + 1)
-        x = np.maximum(np.abs(left[:, :n]), np.abs(right[:, :n]))
-        costate = np.maximum(np.abs(left[:, -n:]), np.abs(right[:, -n:]))
-        jumps = np.sum(np.abs(right[:, -n:] - left[:, -n:]) * x + np.abs(right[:, :n] - left[:, :n]) * costate)
-        return float(2 * jumps)
+        jump, mean = right - left, (left + right) / 2
+        work = np.sum(jump[:, -n:] * mean[:, :n], axis=1), np.sum(jump[:, :n] * mean[:, -n:], axis=1)
+        return float(2 * np.sum(np.abs(work)))
 
     def _inside(self, piece: Indices) -> Array:
         """A time within each piece."""

@@ -15,6 +15,7 @@ from invtrack.linear.state_space import StateSpace
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.redesign.cost import Weights, square_root
 from invtrack.redesign.double_double import DoubleDouble
+from invtrack.redesign.paces import by_pace
 from invtrack.redesign.riccati import QuadraticCost, optimal_feedback
 from invtrack.references.signal import Generator
 
@@ -47,11 +48,10 @@ class TrackedSystem:
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """[x; u; y; costate] = X_f xi + X_b s + X_y y_d with xi' = A_c xi + E_f y_d and s' = -A_c's + E_b y_d, A_c stable.
+    """[x; u; y; costate] = X_f z + X_b q + X_y y_d with z' = A_c z + E_f y_d and q' = -A_c'q + E_b y_d, A_c stable.
 
-    xi is integrated forward, s backward in time: the parts of `system`; what is continuous through a jump of the plant is
-    [x; costate]. E_f, E_b (n, m), X_y (2 n + p + m, m); y_d (m,) may be the reference
-    several times over.
+    z is integrated forward, q backward in time: the parts of `system`; what is continuous through a jump of the plant is
+    [x; costate]. E_f, E_b (n, m), X_y (2 n + p + m, m); y_d (m,) may be the reference several times over.
     """
 
     system: TwoSidedSystem
@@ -77,7 +77,8 @@ def optimum(system: TrackedSystem, weights: Weights) -> Optimum:
 
     u = -K x - R_u^-1 (B's - D'Q_y y_d) with R_u = R + D'Q_y D and K = R_u^-1 (B'P + D'Q_y C), P the stabilizing solution of the
     Riccati equation; s' = -A_c's + (C - D K)'Q_y y_d, A_c = A - B K. s drives x; with A_c L + L A_c' = B R_u^-1 B' it no longer
-    drives xi = x - L s, and each of the two runs in its own stable direction. The costate is P x + s.
+    drives xi = x - L s, and each of the two runs in its own stable direction. The costate is P x + s. Both xi and s are stated in
+    coordinates in which fast and slow modes are apart (`by_pace`).
 
     Raises RedesignError where no stabilizing solution exists. Sources: Devasia 1996 (AIAA note on output-trajectory redesign) for
     the problem; the solution is the linear-quadratic tracker.
@@ -97,8 +98,7 @@ def optimum(system: TrackedSystem, weights: Weights) -> Optimum:
     _require_solvable(A.rounded, B.rounded, problem.Q.rounded, problem.N.rounded)
     feedback = optimal_feedback(problem)
     P, K, L, W = feedback.P, feedback.K, feedback.L, problem.inverse_weight()
-    identity = DoubleDouble.of(np.eye(len(system.A)))
-    PL = P @ L
+    at = by_pace(feedback.A_c, feedback.schur)
     E_b = (C - D @ K).transposed @ Q_y
     E_f = B @ W @ D.transposed @ Q_y - L @ E_b
     direct = W @ D.transposed @ Q_y
@@ -108,20 +108,24 @@ def optimum(system: TrackedSystem, weights: Weights) -> Optimum:
         y = (C @ x + D @ u).rounded
         return np.vstack([state_unit[:, None] * x.rounded, (into @ u).rounded, y, costate / state_unit[:, None]])
 
-    def part(M: DoubleDouble, x: DoubleDouble, u: DoubleDouble, costate: DoubleDouble) -> Part:
-        rows = values(x, u, costate.rounded)
-        n = len(state_unit)
-        return Part(M.rounded, rows, np.vstack([rows[:n], rows[-n:]]))
+    n = len(state_unit)
 
-    apart = np.block([[(identity + PL.transposed).rounded, -L.rounded], [-P.rounded, identity.rounded]])  # of [x; costate]
-    two_sided = TwoSidedSystem(
-        forward=part(feedback.A_c, identity, -K, P),
-        backward=part(-feedback.A_c.transposed, L, -(K @ L) - W @ B.transposed, PL + identity),
-        T=apart * np.concatenate([1 / state_unit, state_unit]),
+    def part(M: Array, x: DoubleDouble, u: DoubleDouble, costate: DoubleDouble) -> Part:
+        rows = values(x, u, costate.rounded)
+        return Part(M, rows, np.vstack([rows[:n], rows[-n:]]))
+
+    driven = at.of_drives(L)
+    forward = part(at.A, at.V, -at.of_states(K), at.of_states(P))
+    backward = part(-at.A.T, driven, -(K @ driven) - W @ at.of_drives(B.transposed), P @ driven + at.U)
+    # [x; costate] of z and q is symplectic, as all coordinates of a Hamiltonian system are: its inverse is its own blocks.
+    apart = np.block([[backward.J[n:].T, -backward.J[:n].T], [-forward.J[n:].T, forward.J[:n].T]])
+    nothing = np.zeros((n, len(system.D)))
+    return Optimum(
+        system=TwoSidedSystem(forward, backward, apart),
+        E_f=at.of_drives(E_f.transposed).rounded.T,
+        E_b=at.of_states(E_b.transposed).rounded.T,
+        X_y=values(DoubleDouble.of(nothing), direct, nothing),
     )
-    nothing = np.zeros((len(system.A), len(system.D)))
-    X_y = values(DoubleDouble.of(nothing), direct, nothing)
-    return Optimum(two_sided, E_f.rounded, E_b.rounded, X_y)
 
 
 def _units(system: TrackedSystem, weights: Weights) -> tuple[Array, Array]:

@@ -68,7 +68,8 @@ def quadratic_redesign(
     each. Each must come to rest by the same input: a mode that is not stable must be moved by it differently in each of them.
 
     The plan carries the share of its cost by which any other input could cost less at most, certified from its values alone
-    (`optimality_gap`): 1e-7 or less, unless inputs are so cheap that output errors drown in rounding; a remark then says so.
+    (`optimality_gap`): 1e-7 or less, unless rounding hides more, as where inputs are so cheap that output errors drown in it; from
+    1e-6 on a remark says so.
 
     Args:
         model: StateSpace, SwitchedSystem, or anything with A, B, C, D; or a list of them, with the same states, inputs and outputs

@@ -10,6 +10,7 @@ import scipy.linalg
 from invtrack.arrays import Array
 from invtrack.errors import RedesignError
 from invtrack.redesign.double_double import DoubleDouble
+from invtrack.redesign.schur_form import SchurForm
 
 MOST_CORRECTIONS = 60
 """Corrections after which the refinement ends."""
@@ -71,39 +72,19 @@ class QuadraticCost:
         return (half + half.transposed + self.Q + K.transposed @ self.R @ K).rounded
 
 
-class SchurForm:
-    """Z T Z' of a stable matrix, and the Lyapunov equations with it."""
-
-    def __init__(self, A_c: Array) -> None:
-        self._T, self._Z = scipy.linalg.schur(A_c)
-        self.is_stable = bool(np.max(scipy.linalg.eigvals(self._T, check_finite=False).real) < 0)
-
-    def observability(self, F: Array) -> Array:
-        """X with A_c'X + X A_c = -F, F symmetric."""
-        return self._solve(F, "T", "N")
-
-    def reachability(self, F: Array) -> Array:
-        """X with A_c X + X A_c' = F, F symmetric."""
-        return self._solve(-F, "N", "T")
-
-    def _solve(self, F: Array, left: str, right: str) -> Array:
-        solution, scale, _ = scipy.linalg.lapack.dtrsyl(self._T, self._T, -self._Z.T @ F @ self._Z, trana=left, tranb=right)
-        X: Array = self._Z @ (solution / scale) @ self._Z.T
-        return (X + X.T) / 2
-
-
 @dataclass(frozen=True, eq=False)
 class OptimalFeedback:
     """u = -K x, what it makes of the plant, the cost x'P x from a state on, and how far the costate drives the state, L.
 
     P (n, n) is the stabilizing solution of A'P + P A - (P B + N) R^-1 (P B + N)' + Q = 0, K = R^-1 (P B + N)' (p, n),
-    A_c = A - B K (n, n), A_c L + L A_c' = B R^-1 B'.
+    A_c = A - B K (n, n), A_c L + L A_c' = B R^-1 B'; schur: the form of A_c.
     """
 
     P: DoubleDouble
     K: DoubleDouble
     A_c: DoubleDouble
     L: DoubleDouble
+    schur: SchurForm
 
 
 def optimal_feedback(problem: QuadraticCost) -> OptimalFeedback:
@@ -126,10 +107,10 @@ def optimal_feedback(problem: QuadraticCost) -> OptimalFeedback:
 
 def _refined(problem: QuadraticCost) -> OptimalFeedback:
     A, B, N, W = problem.A, problem.B, problem.N, problem.inverse_weight()
-    P, K = _first_feedback(problem)
-    schur, previous = None, np.inf
+    P, K, schur = _first_feedback(problem)
+    previous, renew = np.inf, False
     for _ in range(MOST_CORRECTIONS):
-        if schur is None:
+        if renew:
             schur = _stable_form(A - B @ K)
         P = P + DoubleDouble.of(schur.observability(problem.residual(P, K)))
         better = W @ (P @ B + N).transposed
@@ -137,15 +118,17 @@ def _refined(problem: QuadraticCost) -> OptimalFeedback:
         K = better
         if change <= REFINED or (change > FADING * previous and change <= np.finfo(float).eps):
             break
-        if change > RENEWED:
-            schur = None
-        previous = change
+        previous, renew = change, change > RENEWED
     A_c = A - B @ K
-    return OptimalFeedback(P, K, A_c, _reach(A_c, B @ W @ B.transposed))
+    schur = _stable_form(A_c)
+    return OptimalFeedback(P, K, A_c, _reach(schur, A_c, B @ W @ B.transposed), schur)
 
 
-def _first_feedback(problem: QuadraticCost) -> tuple[DoubleDouble, DoubleDouble]:
-    """P and K in working precision, of inputs so much dearer, if need be, that K stabilizes; from there Newton's steps converge."""
+def _first_feedback(problem: QuadraticCost) -> tuple[DoubleDouble, DoubleDouble, SchurForm]:
+    """P and K in working precision and the Schur form of A - B K.
+
+    They are those of inputs so much dearer, if need be, that K stabilizes; from there Newton's steps converge.
+    """
     n, W = len(problem.A.high), problem.inverse_weight()
     for times in range(MOST_TIMES_DEARER + 1):
         dearer = DEARER**times
@@ -156,8 +139,9 @@ def _first_feedback(problem: QuadraticCost) -> tuple[DoubleDouble, DoubleDouble]
         P = DoubleDouble.of((one_sided + one_sided.T) / 2)
         drive = W @ (problem.B.transposed @ P)
         K = DoubleDouble(drive.high / dearer, drive.low / dearer) + W @ problem.N.transposed
-        if SchurForm((problem.A - problem.B @ K).rounded).is_stable:
-            return P, K
+        schur = SchurForm((problem.A - problem.B @ K).rounded)
+        if schur.is_stable:
+            return P, K, schur
     raise PrecisionError(
         "the Riccati equation of the redesign has no stabilizing solution in working precision: modes of its Hamiltonian cannot "
         f"be told from the imaginary axis; {ADVICE}"
@@ -177,9 +161,8 @@ def _share(change: Array, whole: DoubleDouble) -> float:
     return float(np.linalg.norm(change)) / size if size > 0 else 0.0
 
 
-def _reach(A_c: DoubleDouble, G: DoubleDouble) -> DoubleDouble:
+def _reach(schur: SchurForm, A_c: DoubleDouble, G: DoubleDouble) -> DoubleDouble:
     """L with A_c L + L A_c' = G."""
-    schur = _stable_form(A_c)
     L = DoubleDouble.of(schur.reachability(G.rounded))
     previous = np.inf
     for _ in range(MOST_CORRECTIONS):

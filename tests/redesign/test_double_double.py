@@ -2,26 +2,12 @@
 
 from __future__ import annotations
 
-from fractions import Fraction
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from invtrack.redesign.double_double import DoubleDouble
 from invtrack.redesign.riccati import QuadraticCost, optimal_feedback
-
-EXACT = NDArray[np.object_]
-
-
-def exact(matrix: DoubleDouble | NDArray[np.float64]) -> EXACT:
-    if isinstance(matrix, DoubleDouble):
-        return np.asarray(exact(matrix.high) + exact(matrix.low))
-    return np.array([[Fraction(float(entry)) for entry in row] for row in matrix], dtype=object)
-
-
-def largest(matrix: EXACT) -> float:
-    return max(abs(float(entry)) for entry in matrix.ravel())
+from tests.redesign.exact import exact, largest
 
 
 def random_pair(rng: np.random.Generator, shape: tuple[int, int], decades: int) -> DoubleDouble:
