@@ -64,12 +64,13 @@ def _smoothed(M: Array) -> Array:
     return np.asarray(x / np.log(2))
 
 
-def parts(M: Array) -> Indices:
-    """The part that each index is in (q,): indices of a part act on each other both ways, however weakly."""
+def parts(M: Array, *, one_way: bool = False) -> Indices:
+    """The part that each index is in (q,): indices of a part act on each other, however weakly, both ways or one way."""
     if np.all(M):
         return np.zeros(len(M), dtype=np.intp)
-    # The pattern as a sparse matrix: of a dense one, scipy takes entries below 1e-8 for none.
-    return np.asarray(scipy.sparse.csgraph.connected_components(scipy.sparse.csr_array(M != 0), connection="strong")[1])
+    pattern = scipy.sparse.csr_array(M != 0)  # of a dense matrix, scipy takes entries below 1e-8 for none
+    connection = "weak" if one_way else "strong"
+    return np.asarray(scipy.sparse.csgraph.connected_components(pattern, connection=connection)[1])
 
 
 def pace_of(M: Array) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -32,6 +33,16 @@ class TransitionPowers(Protocol):
     matrix: Array
     step: float
 
+    @property
+    def pace(self) -> float:
+        """How fast exp(M t) changes [rad/s]; 0 without states."""
+        ...
+
+    @property
+    def growth(self) -> float:
+        """The largest real part of M's eigenvalues [1/s]; minus infinity without states."""
+        ...
+
     def digit(self, bit: int) -> Array:
         """exp(M h 2^bit) (q, q), in scaled coordinates; of a negative bit too."""
         ...
@@ -48,6 +59,16 @@ class OwnPowers:
         self.step = NODE_ANGLE / norm if norm > 0 else math.inf
         self._digits: list[Array] = []
         self._finer: dict[int, Array] = {}
+
+    @cached_property
+    def pace(self) -> float:
+        """How fast exp(M t) changes [rad/s]."""
+        return float(np.linalg.norm(self.matrix, 2)) if self.matrix.size else 0.0
+
+    @cached_property
+    def growth(self) -> float:
+        """The largest real part of M's eigenvalues [1/s]."""
+        return float(np.max(np.linalg.eigvals(self.matrix).real, initial=-math.inf))
 
     def digit(self, bit: int) -> Array:
         """exp(M h 2^bit)."""
@@ -67,6 +88,16 @@ class TransposedPowers:
 
     def __init__(self, powers: TransitionPowers) -> None:
         self._powers, self.scale, self.matrix, self.step = powers, 1 / powers.scale, powers.matrix.T, powers.step
+
+    @property
+    def pace(self) -> float:
+        """How fast exp(M't) changes [rad/s]."""
+        return self._powers.pace
+
+    @property
+    def growth(self) -> float:
+        """The largest real part of M's eigenvalues [1/s]."""
+        return self._powers.growth
 
     def digit(self, bit: int) -> Array:
         """exp(M'h 2^bit)."""
@@ -88,6 +119,16 @@ class DrivenPowers:
         D = D * self._S.scale / powers.scale[:, None]
         self.matrix = np.block([[powers.matrix, D], [np.zeros((len(S), len(powers.matrix))), self._S.matrix]])
         self._digits: list[Array] = []
+
+    @property
+    def pace(self) -> float:
+        """How fast A or S moves, whichever is faster [rad/s]."""
+        return max(self._A.pace, self._S.pace)
+
+    @property
+    def growth(self) -> float:
+        """The largest real part of A's and S's eigenvalues [1/s]."""
+        return max(self._A.growth, self._S.growth)
 
     def digit(self, bit: int) -> Array:
         """exp([A D; 0 S] h 2^bit)."""

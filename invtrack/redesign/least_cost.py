@@ -66,7 +66,8 @@ class LeastCost:
         first, m = self.problems[0], self.problems[0].plant.n_inputs
         systems = self._systems()
         if np.any(self.weights.Q_y):
-            optima = {id(system): optimum(system, self.weights) for system in systems}
+            distinct = {id(system): system for system in systems}
+            optima = {key: optimum(system, self.weights) for key, system in distinct.items()}
             models: Sequence[Driveable] = [optima[id(system)] for system in systems]
             fastest = max(each.system.propagators[0].pace for each in optima.values())
             latest = float(np.max(np.abs(first.deviation.breakpoints)))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import RedesignError
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace
@@ -145,7 +145,8 @@ def _units(system: TrackedSystem, weights: Weights) -> tuple[Array, Array]:
 
 def _require_solvable(A: Array, B: Array, Q: Array, N: Array) -> None:
     """The two conditions for a stabilizing solution, with R_u = 1: stabilizable, and the cost sees every mode on the axis."""
-    unmoved = _hidden_mode(A.T, B.T, unstable_too=True)
+    modes = np.linalg.eigvals(A).astype(complex)
+    unmoved = _hidden_mode(A.T, B.T, modes, unstable_too=True)
     if unmoved is not None:
         raise RedesignError(
             f"no optimal trajectory: no input moves the mode at {unmoved:.6g} rad/s, which lies on or right of the imaginary axis; "
@@ -153,7 +154,10 @@ def _require_solvable(A: Array, B: Array, Q: Array, N: Array) -> None:
             "several models)"
         )
     # The input u = -N'x + v makes the cross term vanish; what is left of the cost must see the modes that are left on the axis.
-    unseen = _hidden_mode(A - B @ N.T, square_root(Q - N @ N.T), unstable_too=False)
+    if np.any(N):
+        A = A - B @ N.T
+        modes = np.linalg.eigvals(A).astype(complex)
+    unseen = _hidden_mode(A, square_root(Q - N @ N.T), modes, unstable_too=False)
     if unseen is not None:
         raise RedesignError(
             f"no optimal trajectory: neither Q_x nor Q_y weighs the mode at {unseen:.6g} rad/s on the imaginary axis, so nothing "
@@ -161,17 +165,18 @@ def _require_solvable(A: Array, B: Array, Q: Array, N: Array) -> None:
         )
 
 
-def _hidden_mode(M: Array, rows: Array, *, unstable_too: bool) -> complex | None:
-    """A mode of M on the imaginary axis (or right of it) whose eigenvector the rows do not see (Hautus), or None."""
-    size, row_size = np.linalg.norm(M, 2), np.linalg.norm(rows, 2)
-    rows = rows * (size / row_size) if row_size > 0 else rows
+def _hidden_mode(M: Array, rows: Array, modes: ComplexArray, *, unstable_too: bool) -> complex | None:
+    """One of M's modes on the imaginary axis (or right of it) whose eigenvector the rows do not see (Hautus), or None."""
     # In units of the states that its own entries ask for: what weights and inputs make of the units must not move the axis.
     own_size = np.linalg.norm(scipy.linalg.matrix_balance(M, permute=False)[0], 2)
-    for mode in np.linalg.eigvals(M):
-        on_axis = abs(mode.real) <= AXIS_TOLERANCE * own_size
-        if not on_axis and not (unstable_too and mode.real > 0):
-            continue
-        at = complex(0.0, mode.imag) if on_axis else complex(mode)
+    on_axis = np.abs(modes.real) <= AXIS_TOLERANCE * own_size
+    looked_at = on_axis | (unstable_too & (modes.real > 0))
+    if not np.any(looked_at):
+        return None
+    size, row_size = np.linalg.norm(M, 2), np.linalg.norm(rows, 2)
+    rows = rows * (size / row_size) if row_size > 0 else rows
+    for mode, neutral in zip(modes[looked_at], on_axis[looked_at], strict=True):
+        at = complex(0.0, mode.imag) if neutral else complex(mode)
         test = np.vstack([M - at * np.eye(len(M)), rows])
         if np.linalg.svd(test, compute_uv=False)[-1] <= HIDDEN_TOLERANCE * size:
             return at

@@ -168,3 +168,25 @@ def test_a_transpose_shares_the_transitions_of_its_original() -> None:
     expected = scipy.linalg.expm(2.3 * A).T
     assert own.transposed.matrix(2.3) * scale[:, None] / scale == pytest.approx(expected, abs=1e-12 * np.max(np.abs(expected)))
     assert own.transposed.growth == pytest.approx(np.max(np.linalg.eigvals(A).real), rel=1e-12)
+
+
+@pytest.mark.parametrize("tau", [np.array([1e-9, 1e-7, 0.3, 2.0, 11.0]), np.linspace(0.0, 10.0, 500)], ids=["scattered", "even"])
+def test_states_that_nothing_couples_are_carried_at_their_own_pace(tau: np.ndarray) -> None:
+    """Rotations and decays ten million times as fast, in no order, driven by one ramp: each to its own digits. Four of each."""
+    a, four = 1e7, np.ones((4, 1))
+    M = np.zeros((4, 4))
+    M[0, 2], M[2, 0], M[1, 1], M[3, 3] = 2.0, -2.0, -a, -3 * a
+    D = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 6.0], [0.0, 0.0]])  # w = [t, 1]
+    own = Propagator(np.kron(M, np.eye(4)))
+    driven = own.driven(np.kron(D, four), np.array([[0.0, 1.0], [0.0, 0.0]]))
+    start = np.append(np.repeat([0.0, 0.0, 0.0, 5.0], 4), [0.0, 1.0])[np.newaxis]
+    fast = (tau + np.expm1(-a * tau) / a) / a
+    states = np.column_stack([6 * np.sin(tau) ** 2, fast, 3 * np.sin(2 * tau), 5 * np.exp(-3 * a * tau)])
+    expected = np.column_stack([np.repeat(states, 4, axis=1), tau, np.ones(len(tau))])
+    found = driven.outputs(np.eye(18), start, np.zeros(len(tau), dtype=np.intp), tau, resolution=1e-14)
+    size = np.append(np.repeat([6.0, 1.0 / a, 3.0, 5.0], 4), [1.0, 1.0])
+    assert found / size == pytest.approx(expected / size, abs=1e-13)
+    assert driven.states(np.repeat(start, len(tau), axis=0), tau) / size == pytest.approx(found / size, abs=1e-13)
+    assert (own.pace, own.growth) == (pytest.approx(3 * a), pytest.approx(0.0, abs=1e-14))
+    assert own.matrix(0.5)[:, 0] == pytest.approx(np.append(np.cos(1.0) * np.eye(8)[0], -np.sin(1.0) * np.eye(8)[0]), abs=1e-14)
+    assert own.transposed.matrix(0.5) == pytest.approx(own.matrix(0.5).T, abs=1e-15)

@@ -1,0 +1,207 @@
+"""Transitions of one matrix over many times: by powers between nodes, by Taylor series around them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.arrays import Array, Indices
+from invtrack.linear.transition_powers import NODE_ANGLE, TransitionPowers, doublings, exponential_less_one
+
+SPARSE = 16
+"""Where fewer times than this share a node, every so many nodes are used: longer series cost less than more nodes."""
+
+TERMS = {1: 9, SPARSE: 16}
+"""Terms of the series around every node and around every 16th: the first one left out is below 1e-18 of the first.
+
+All of them always, however close the times: of a chain of integrators in unlike units the last ones may be the largest.
+"""
+
+LONG_STRETCH = 64
+"""Fewer times than this in a stretch, or fewer than there are states, are not worth a look at their spacing."""
+
+CHUNK = 8192
+"""Times that are worked on together, at most."""
+
+CHUNK_ENTRIES = 2**17
+"""Entries of the states and values of a chunk, at most, so that its arrays stay in the processor's cache."""
+
+ENTRYWISE = 4
+"""How much longer an entry takes in a sum of arrays than in a product of matrices."""
+
+
+class TransitionSeries:
+    """X exp(M tau) v for one matrix M (q, q), whose powers are known, and many tau >= 0 [s].
+
+    Each tau is split into a whole number of node distances h, all of them or every 16th, and a remainder |r| of at most half of
+    that. The nodes' states are found by the binary digits exp(M h 2^b), the way on from there by Taylor series, whose terms are
+    the same for all times around a node. The error does not grow with the number of times, the cost is linear in it, and
+    exponentials that decay never overflow, whatever tau.
+    """
+
+    def __init__(self, powers: TransitionPowers) -> None:
+        self.powers = powers
+
+    def matrix(self, tau: float) -> Array:
+        """exp(M tau) (q, q) for one time tau [s], not negative."""
+        q = len(self.powers.matrix)
+        if math.isinf(self.powers.step):
+            return np.eye(q)
+        count = round(tau / self.powers.step)
+        share = tau / self.powers.step - count
+        result = np.eye(q) + exponential_less_one(self.powers.matrix * (self.powers.step * share))
+        for bit in range(count.bit_length()):
+            if count >> bit & 1:
+                result = self.powers.digit(bit) @ result
+        return self.powers.scale[:, None] * result / self.powers.scale
+
+    def outputs(self, X: Array, v: Array, owner: Indices, tau: Array, *, resolution: float = 0.0) -> Array:
+        """X exp(M tau_i) v[owner_i] at many times: (m, k).
+
+        Times in order, or in ordered stretches, share most of the work; long stretches of evenly spaced ones nearly all of it.
+
+        Args:
+            X: (k, q).
+            v: states to start from (g, q).
+            owner: which of these each time belongs to (m,).
+            tau: times since the start (m,), not negative [s].
+            resolution: how far off the times may be (from rounding of the absolute times behind tau) and still count as evenly
+                spaced [s].
+        """
+        result = np.empty((len(tau), len(X)))
+        if math.isinf(self.powers.step):
+            np.matmul(v[owner], X.T, out=result)
+            return result
+        rows, v = _Rows(X * self.powers.scale, self.powers.matrix * self.powers.step), v / self.powers.scale
+        long = max(LONG_STRETCH, len(self.powers.matrix))
+        edges = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1, [len(tau)]]) if len(tau) else np.zeros(1, dtype=int)
+        done = 0
+        for stretch in np.flatnonzero(np.diff(edges) >= long):
+            first, last = edges[stretch : stretch + 2].tolist()
+            spacing = _even_spacing(tau[first:last], resolution)
+            if spacing is None:
+                continue
+            before, part = slice(done, first), slice(first, last)
+            self._scattered(rows, v, owner[before], tau[before], result[before])
+            if spacing > 0:
+                self._even(rows.X, v[owner[first]], tau[first], spacing, result[part])
+            else:
+                self._even(rows.X, v[owner[first]], tau[last - 1], -spacing, result[part][::-1])
+            done = last
+        self._scattered(rows, v, owner[done:], tau[done:], result[done:])
+        return result
+
+    def _even(self, X: Array, v: Array, start: float, spacing: float, result: Array) -> None:
+        """result[j] = X exp(M (start + j spacing)) v: the states at every B-th time, times X exp(M i spacing) for i < B."""
+        m, (k, q) = len(result), X.shape
+        halvings = max(0, math.ceil(math.log2(2 * NODE_ANGLE * spacing / self.powers.step)))
+        transitions = doublings(self.powers.matrix, spacing, halvings)
+        within = X[np.newaxis]
+        while 4 * len(within) ** 2 * k <= m and 2 * len(within) * k <= CHUNK:  # as many entries as there are states, about
+            within = np.concatenate([within, within @ next(transitions)])
+        blocks = -(-m // len(within))
+        states = np.empty((blocks, q))
+        states[:1] = self._carried(v[np.newaxis], np.zeros(1, dtype=np.intp), np.array([start]))
+        filled = 1
+        while filled < blocks:
+            more = min(filled, blocks - filled)
+            states[filled : filled + more] = states[:more] @ next(transitions).T
+            filled += more
+        result[:] = (states @ within.reshape(-1, q).T).reshape(-1, k)[:m]
+
+    def _carried(self, v: Array, owner: Indices, tau: Array) -> Array:
+        """exp(M tau_i) v[owner_i] in scaled coordinates."""
+        cells = _Cells.of(tau / self.powers.step, owner)
+        return self._summed(self._nodes(v[cells.owner], cells.count), cells)
+
+    def _scattered(self, rows: _Rows, v: Array, owner: Indices, tau: Array, result: Array) -> None:
+        k, q = rows.X.shape
+        length = min(CHUNK, max(LONG_STRETCH, CHUNK_ENTRIES // (k + q)))
+        for first in range(0, len(tau), length):
+            part = slice(first, first + length)
+            cells = _Cells.of(tau[part] / self.powers.step, owner[part])
+            nodes = self._nodes(v[cells.owner], cells.count)
+            m, c, terms = len(cells.cell), len(nodes), cells.terms
+            summed_first = terms * (c * q * q + ENTRYWISE * m * q) + m * k * q
+            mapped_first = terms * ((c + q) * k * q + ENTRYWISE * m * k)
+            if summed_first <= mapped_first:
+                np.matmul(self._summed(nodes, cells), rows.X.T, out=result[part])
+            else:
+                result[part] = rows.values(nodes, cells)
+
+    def _summed(self, nodes: Array, cells: _Cells) -> Array:
+        """The Taylor series from the cells' nodes to the times, (m, q)."""
+        M, share = self.powers.matrix.T * self.powers.step, cells.remainder
+        term, result = nodes, nodes[cells.cell]
+        for j in range(1, cells.terms):
+            term = term @ M / j
+            result += share[:, None] ** j * term[cells.cell]
+        return result
+
+    def _nodes(self, v: Array, count: NDArray[np.int64]) -> Array:
+        """exp(M h count_i) v_i."""
+        for bit in range(int(count.max(initial=0)).bit_length()):
+            chosen = (count >> bit) & 1 == 1
+            if np.any(chosen):
+                v[chosen] = v[chosen] @ self.powers.digit(bit).T
+        return v
+
+
+@dataclass(frozen=True, eq=False)
+class _Cells:
+    """Times in node distances, by the cells around nodes in which neighbouring ones lie together.
+
+    Args:
+        cell: of each time (m,).
+        remainder: of each time from its cell's node (m,), within half the cells' width, 1/2 or SPARSE / 2.
+        owner, count: of each cell, whose it is and how many node distances its node lies from the start (c,).
+        terms: how many the Taylor series need.
+    """
+
+    cell: Indices
+    remainder: Array
+    owner: Indices
+    count: NDArray[np.int64]
+    terms: int
+
+    @classmethod
+    def of(cls, distance: Array, owner: Indices) -> _Cells:
+        wide = cls._of_width(SPARSE, distance, owner)
+        return wide if len(distance) < SPARSE * len(wide.count) else cls._of_width(1, distance, owner)
+
+    @classmethod
+    def _of_width(cls, width: int, distance: Array, owner: Indices) -> _Cells:
+        count = width * np.rint(distance / width)
+        new = np.ones(len(distance), dtype=bool)
+        new[1:] = (count[1:] != count[:-1]) | (owner[1:] != owner[:-1])
+        return cls(np.cumsum(new) - 1, distance - count, owner[new], count[new].astype(np.int64), TERMS[width])
+
+
+class _Rows:
+    """X (k, q), and X M^j / j! from which values around a node follow without its states; M (q, q) in node distances."""
+
+    def __init__(self, X: Array, M: Array) -> None:
+        self.X, self._M, self._series = X, M, [X]
+
+    def values(self, nodes: Array, cells: _Cells) -> Array:
+        """X exp(M remainder_i) nodes[cell_i], (m, k)."""
+        while len(self._series) < cells.terms:
+            self._series.append(self._series[-1] @ self._M / len(self._series))
+        share = cells.remainder[:, None]
+        result = np.zeros((len(cells.cell), len(self.X)))
+        for term in reversed(self._series[: cells.terms]):
+            result *= share
+            result += (nodes @ term.T)[cells.cell]
+        return result
+
+
+def _even_spacing(tau: Array, resolution: float) -> float | None:
+    """The spacing of times that are even to within the resolution, or None."""
+    spacing = float((tau[-1] - tau[0]) / (len(tau) - 1))
+    if abs(spacing) <= resolution:
+        return None
+    even = np.max(np.abs(tau - (tau[0] + spacing * np.arange(len(tau))))) <= resolution
+    return spacing if even else None
