@@ -80,7 +80,8 @@ def by_pace(A_c: DoubleDouble, schur: SchurForm) -> Coordinates:
         for i, j in itertools.permutations(blocks, 2):
             Y[i, j] = _sylvester(T[i, i], T[j, j], A[i, j])
             A[i, j] = 0.0
-        right, left = right + DoubleDouble.of(right.high @ Y), left + DoubleDouble.of((Y @ Y - Y) @ left.high)
+        away = np.asarray(np.linalg.solve(np.eye(len(Y)) + Y, Y))  # what the inverse of 1 + Y takes away from 1
+        right, left = right + DoubleDouble.of(right.high @ Y), left - DoubleDouble.of(away @ left.high)
         if np.linalg.norm(Y) <= SETTLED:
             return Coordinates(right, left.transposed, A, whole=False)
     return Coordinates.plain(A_c)
