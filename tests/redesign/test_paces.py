@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from invtrack.linear.state_space import StateSpace
+from invtrack.linear.switched import SwitchedSystem
 from invtrack.redesign.double_double import DoubleDouble
 from invtrack.redesign.paces import SETTLED, by_pace
 from invtrack.redesign.quadratic import quadratic_redesign
 from invtrack.redesign.schur_form import SchurForm
 from invtrack.references.profiles import rest_to_rest
-from invtrack.references.signal import stack
+from invtrack.references.signal import PiecewiseSignal, stack
 from tests.redesign.exact import exact, largest
 
 SLOW = np.array([[-1.0, 2.0, 0.0], [-2.0, -1.0, 1.0], [0.0, 0.0, -3.0]])
@@ -70,13 +71,30 @@ def test_what_is_not_worth_taking_apart_stays_whole(M: np.ndarray) -> None:
     assert at.of_states(DoubleDouble.of(M)).high is M
 
 
+def random_plant() -> StateSpace:
+    rng = np.random.default_rng(0)
+    A = rng.normal(size=(24, 24)) / np.sqrt(24) - 1.3 * np.eye(24)
+    return StateSpace(A, rng.normal(size=(24, 2)), rng.normal(size=(2, 24)))
+
+
+def there_and_back() -> PiecewiseSignal:
+    one = rest_to_rest(0.0, 1.0, 5.0, smoothness=6) + rest_to_rest(0.0, -1.0, 5.0, smoothness=6, start_time=5.0)
+    return stack([one] * 2)
+
+
 @pytest.mark.parametrize("R", [1e-4, 1e-6])
 def test_the_costate_of_cheap_inputs_is_certified_beside_modes_a_thousand_times_as_fast(R: float) -> None:
     """Two outputs with as many fast modes, whose rounding once hid the costate of the 22 slow ones, which is as small as R."""
-    rng = np.random.default_rng(0)
-    A = rng.normal(size=(24, 24)) / np.sqrt(24) - 1.3 * np.eye(24)
-    plant = StateSpace(A, rng.normal(size=(24, 2)), rng.normal(size=(2, 24)))
-    there_and_back = rest_to_rest(0.0, 1.0, 5.0, smoothness=6) + rest_to_rest(0.0, -1.0, 5.0, smoothness=6, start_time=5.0)
-    plan = quadratic_redesign(plant, stack([there_and_back] * 2), R=R, Q_y=1.0)
+    plan = quadratic_redesign(random_plant(), there_and_back(), R=R, Q_y=1.0)
     assert plan.optimality_gap < 1e-9
     assert not any("certified" in remark for remark in plan.remarks)
+
+
+def test_inputs_of_unlike_cost_through_jumps() -> None:
+    """Three paces apart; the jumps of the costate at the fastest one's rounding once had this refused."""
+    one = random_plant()
+    other = StateSpace(1.05 * one.A, one.B * np.array([1.1, 0.9]), one.C)
+    plant = SwitchedSystem([one, other, one], [3.0, 7.0])
+    plan = quadratic_redesign(plant, there_and_back(), R=np.diag([1e-8, 1e-4]), Q_y=1.0)
+    assert plan.optimality_gap < 1e-7
+    assert plan.certificate.worst(exact=False) < 1e-10
