@@ -27,8 +27,8 @@ def least_input(
 ) -> tuple[Array, Array]:
     """Times (N,) in the middle of steps, and inputs (N, m) held over them, of least integral of (u - u_rest)'R (u - u_rest).
 
-    The implicit midpoint rule for x' = A x + B u, of second order, with the derivative of order `degree` of each output as wanted in
-    the middle of each step, and lower ones at a jump as far as they are other functions of the state after it.
+    The implicit midpoint rule for x' = A x + B u, of second order, with the derivative of order `degree` of each output as wanted
+    in the middle of each step, and lower ones at a jump as far as they are other functions of the state after it.
 
     Args:
         models: of each interval.

@@ -116,27 +116,23 @@ def test_alike_actuators_that_act_alike_share_the_work() -> None:
 
 
 def test_a_zero_that_no_input_moves_stays_one() -> None:
-    """Both inputs act through the same filter (s - 1) / (s + 2)."""
-    A = np.array([[0, 1, 0], [0, -1, 1.0], [0, 0, -2.0]])
-    B_last, through = np.array([1.0, 3.0]), 1.0
-    # y'' + y' = v, v = (s - 1) / (s + 2) w, w = b u: v = w - 3 f, f' = -2 f + w
-    plant = StateSpace(
-        np.array([[0, 1, 0], [0, -1, -3.0], [0, 0, -2.0]]), np.vstack([0 * B_last, through * B_last, B_last]), [[1.0, 0, 0]]
-    )
+    """y'' + y' = v, and both inputs act through the same filter v = (s - 1) / (s + 2) b'u: v = b'u - 3 f, f' = -2 f + b'u."""
+    b = np.array([1.0, 3.0])
+    plant = StateSpace([[0, 1, 0], [0, -1, -3.0], [0, 0, -2.0]], np.vstack([0 * b, b, b]), [[1.0, 0, 0]])
     (zero,) = zero_report(plant).zeros
-    assert zero.value == pytest.approx(1.0) and zero.kind == "transmission zero"
+    assert zero.value == pytest.approx(1.0)
+    assert zero.kind == "transmission zero"
     plan = invert(plant, STEP, R=1.0)
     assert plan.preactuation == pytest.approx(np.log(1e10), rel=0.2)
-    single = invert(StateSpace(plant.A, plant.B @ [[1.0], [0.0]], plant.C), STEP)
+    single = invert(plant.with_inputs(["u1"]), STEP)
     times = np.linspace(-10.0, 5.0, 100)
-    assert plan.inputs(times) == pytest.approx(single.inputs(times) @ (B_last / (B_last @ B_last))[None], abs=1e-10)
-    assert len(A) == 3
+    assert plan.inputs(times) == pytest.approx(single.inputs(times) @ b[None] / (b @ b), abs=1e-10)
 
 
 @settings(deadline=None, max_examples=40, derandomize=True)
 @given(st.integers(0, 10**6), st.integers(1, 2), st.integers(1, 2), st.integers(0, 4), st.booleans())
 def test_any_plant(seed: int, p: int, surplus: int, hidden: int, feedthrough: bool) -> None:
-    """Exact, at rest at both ends, and stationary: moving the inputs left over in any way that keeps the output adds no first order."""
+    """Exact, at rest at both ends, and stationary: no change of the inputs left over that keeps the output does work on it."""
     rng = np.random.default_rng(seed)
     m, n = p + surplus, 2 * p + hidden + 1
     D = rng.normal(size=(p, m)) * feedthrough
@@ -147,8 +143,6 @@ def test_any_plant(seed: int, p: int, surplus: int, hidden: int, feedthrough: bo
     plan = invert(plant, reference, R=weight)
     assert plan.certificate.worst(exact=True) < 1e-9
     times, step = np.linspace(-20.0, 22.0, 42001, retstep=True)
-    rest = np.linalg.pinv(np.block([[plant.A, plant.B], [plant.C, plant.D]]))  # not yet the least, but at rest
-    assert rest.shape == (n + m, n + p)
     u = plan.inputs(times) - reference(times) @ least_held(plant, weight).T
     for probe in range(2):
         change = output_nulling(plant, times, 1.0 + probe, rng)
@@ -220,22 +214,17 @@ def test_bad_weights(weight: Any) -> None:
 
 def test_what_is_left_moving_without_friction_is_refused() -> None:
     """Carts of unlike masses: the least input moves them apart, and no cheapest way exists to stop that."""
-    assert invert(carts(0.0), STEP).preactuation == 0.0  # alike, they stay together
+    assert invert(carts(0.0), THERE_AND_BACK).preactuation == 0.0  # alike, they stay together
     with pytest.raises(NonHyperbolicError, match=r"a motion of x1, x2, x3, x4 at 0 rad/s changes no output and takes no input"):
         invert(carts(0.0, mass=2.0), STEP)
 
 
 def test_jumps_that_change_what_costs_nothing_are_refused() -> None:
-    sprung = carts(1.0)
-    A = np.array(sprung.A)
-    A[1, 0] = A[1, 2] = -4.0
+    loose = carts(1.0)
+    A = np.array(loose.A)
+    A[1, 0] = -3.0  # a spring holds the first cart
     with pytest.raises(NonHyperbolicError, match="what the inputs left over can move"):
-        invert(
-            SwitchedSystem(
-                [sprung, StateSpace(A + np.diag([0, 0, 0, 0.0]) - 3 * np.eye(4)[[1]].T @ np.eye(4)[[0]], sprung.B, sprung.C)], [0.5]
-            ),
-            STEP,
-        )
+        invert(SwitchedSystem([loose, StateSpace(A, loose.B, loose.C)], [0.5]), STEP)
 
 
 def test_zeros_on_the_axis_are_refused() -> None:
