@@ -114,11 +114,7 @@ class AllocatedDynamics:
     def on_axis(self) -> NDArray[np.bool_]:
         """Which of the modes cannot be told from ones on the imaginary axis."""
         rounding = ROUNDING_FACTOR * len(self.A) * float(np.finfo(float).eps * np.linalg.norm(self._balanced))
-        movable, reached = Pseudospectrum(self._balanced), np.ones(len(self.modes), dtype=bool)
-        for share in (0.0, 0.25, 0.5, 0.75):  # as `internal_dynamics.on_axis` does
-            way = (share * self.modes.real + 1j * self.modes.imag)[reached]
-            reached[reached] = movable.contains(way, max(rounding, self.internal.uncertainty))
-        return reached
+        return Pseudospectrum(self._balanced).joins_axis(self.modes, max(rounding, self.internal.uncertainty))
 
     def require_hyperbolic(self) -> None:
         """Raises NonHyperbolicError for modes on the imaginary axis that no plan brings to rest, with what they are."""
@@ -192,8 +188,8 @@ def _unpriced(internal: InternalDynamics, R: Array) -> tuple[Array, Array]:
     F_couples = max(COUPLING_TOLERANCE * terms, ERROR_GROWTH * error)
     free = unreached([A_eta.T / as_divisor(A_couples)], FV.T / as_divisor(F_couples))
     within = free.T @ A_eta @ free
-    modes, movable = np.linalg.eigvals(within).astype(complex), Pseudospectrum(within)
-    axis = movable.contains(1j * modes.imag, max(internal.uncertainty, A_couples))
+    modes = np.linalg.eigvals(within).astype(complex)
+    axis = Pseudospectrum(within).joins_axis(modes, max(internal.uncertainty, A_couples))
     kept = invariant_parts(within, lambda mode: bool(axis[np.argmin(np.abs(modes - mode))])).W_1
     Q = np.linalg.qr(np.hstack([free @ kept, np.eye(n_z)]))[0]
     return Q[:, : kept.shape[1]], Q[:, kept.shape[1] :]

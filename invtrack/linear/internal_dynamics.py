@@ -154,18 +154,8 @@ def zeros_on_axis(internal: InternalDynamics) -> ComplexArray:
 
 
 def on_axis(internal: InternalDynamics) -> NDArray[np.bool_]:
-    """Which of the zeros cannot be told from ones on the imaginary axis, (n_z,).
-
-    A zero s counts where a perturbation within the matrix's uncertainty can move it to j Im s (smallest singular value of
-    A_eta - z I for z on the way): so a double zero, which rounding splits by sqrt(eps), is still seen. Looking only at j Im s would
-    name every real zero beside one at the origin.
-    """
-    zeros, movable = internal.zeros, Pseudospectrum(internal.unmoved_part)
-    reached = np.ones(len(zeros), dtype=bool)
-    for share in (0.0, 0.25, 0.5, 0.75):
-        way = (share * zeros.real + 1j * zeros.imag)[reached].astype(complex)
-        reached[reached] = movable.contains(way, internal.uncertainty)
-    return reached
+    """Which of the zeros cannot be told from ones on the imaginary axis, (h,), to within the matrix's uncertainty."""
+    return Pseudospectrum(internal.unmoved_part).joins_axis(internal.zeros, internal.uncertainty)
 
 
 def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics:

@@ -37,6 +37,18 @@ class Pseudospectrum:
         inside[inside] = [self._reached(complex(point), epsilon) for point in z[inside]]
         return inside
 
+    def joins_axis(self, z: ComplexArray, epsilon: float) -> NDArray[np.bool_]:
+        """Whether eigenvalues z (m,) of A cannot be told from ones at j Im z: all the way there lies in the pseudospectrum, (m,).
+
+        So a double eigenvalue, which rounding splits by sqrt(eps), is still seen. Looking only at j Im z would name every real
+        eigenvalue beside one at the origin.
+        """
+        reached = np.ones(len(z), dtype=bool)
+        for share in (0.0, 0.25, 0.5, 0.75):
+            way = (share * z.real + 1j * z.imag)[reached].astype(complex)
+            reached[reached] = self.contains(way, epsilon)
+        return reached
+
     def _lower_bounds(self, z: ComplexArray) -> Array:
         """Values that the smallest singular values of A - z I are not below, (m,)."""
         eigenvalues, conditions, rounding = self._modes

@@ -19,6 +19,9 @@ COARSE_PACES, FINER_STEPS = tuple(range(-20, 41, 6)), (3, 1)
 ABOUT_AS_CLEAR = 1.0
 """Mean logarithms of shares that differ by less than this are about equally good."""
 
+ALIKE = 1e-9
+"""Mean logarithms that differ by less are the same."""
+
 LARGEST_EXPONENT = 1000.0
 """Bound on log2 of a feedback gain, close to what numbers hold."""
 
@@ -59,12 +62,12 @@ def _clearest(system: StateSpace) -> tuple[Array, float]:
             found[exponent] = _clarity(system, units) if np.all(np.isfinite(loops)) else -np.inf, units
         return found[exponent][0]
 
-    coarse = [look(exponent) for exponent in COARSE_PACES]
-    around = [-np.inf, *coarse, -np.inf]
-    peaks = [
-        e for e, before, here, after in zip(COARSE_PACES, around, coarse, around[2:], strict=False) if here >= max(before, after)
-    ]
-    best = max(e for e in peaks if look(e) >= max(coarse) - ABOUT_AS_CLEAR)
+    coarse = {exponent: look(exponent) for exponent in COARSE_PACES}
+    around = [-np.inf, *coarse.values(), -np.inf]
+    peaks = [e for e, before, after in zip(coarse, around, around[2:], strict=False) if coarse[e] >= max(before, after)]
+    clear = max(e for e in peaks if coarse[e] >= max(coarse.values()) - ABOUT_AS_CLEAR)
+    # Where the pace makes no difference the plant's own will do.
+    best = min((e for e in peaks if abs(coarse[e] - coarse[clear]) <= ALIKE), key=abs)
     for step in FINER_STEPS:
         best = max((best, best - step, best + step), key=look)
     units = found[best][1]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import invtrack
@@ -17,6 +17,7 @@ from invtrack.inversion.feasibility import feasibility
 from invtrack.linear.state_space import OperatingPoint, StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.linear.zeros import zero_report
+from invtrack.plans.plan import Plan
 from invtrack.references import constant, rest_to_rest, stack
 from invtrack.references.signal import PiecewiseSignal
 from tests.inversion.collocation import least_input, unseen
@@ -78,8 +79,8 @@ def test_many_jumps_there_and_back() -> None:
 
 
 def test_what_may_rest_anywhere_comes_to_rest_where_it_is_cheapest() -> None:
-    velocities_and_sum = np.array([[0, 1.0, 0, 0], [0, 0, 0, 1.0]])
-    sloping([carts(1.0)], [], STEP, (-14.0, 15.0), end=velocities_and_sum[:1])
+    velocities = np.array([[0, 1.0, 0, 0], [0, 0, 0, 1.0]])[:1]  # the other follows from the outputs, the places are free
+    sloping([carts(1.0, mass=2.0)], [], STEP, (-14.0, 15.0), end=velocities)
 
 
 def test_a_held_output_takes_the_least_input_at_its_ends() -> None:
@@ -129,7 +130,7 @@ def test_a_zero_that_no_input_moves_stays_one() -> None:
     assert plan.inputs(times) == pytest.approx(single.inputs(times) @ b[None] / (b @ b), abs=1e-10)
 
 
-@settings(deadline=None, max_examples=40, derandomize=True)
+@settings(deadline=None, max_examples=15, derandomize=True)
 @given(st.integers(0, 10**6), st.integers(1, 2), st.integers(1, 2), st.integers(0, 4), st.booleans())
 def test_any_plant(seed: int, p: int, surplus: int, hidden: int, feedthrough: bool) -> None:
     """Exact, at rest at both ends, and stationary: no change of the inputs left over that keeps the output does work on it."""
@@ -142,13 +143,13 @@ def test_any_plant(seed: int, p: int, surplus: int, hidden: int, feedthrough: bo
     reference = stack([rest_to_rest(0.0, float(value), duration=2.0, smoothness=4) for value in rng.normal(size=p)])
     plan = invert(plant, reference, R=weight)
     assert plan.certificate.worst(exact=True) < 1e-9
-    times, step = np.linspace(-20.0, 22.0, 42001, retstep=True)
-    u = plan.inputs(times) - reference(times) @ least_held(plant, weight).T
-    for probe in range(2):
-        change = output_nulling(plant, times, 1.0 + probe, rng)
-        work = step * np.einsum("ki,ij,kj->", u, weight, change)
-        size = np.sqrt(step * np.einsum("ki,ij,kj->", u, weight, u) * step * np.einsum("ki,ij,kj->", change, weight, change))
-        assert abs(work) < 2e-5 * max(size, 1e-12)
+    change = output_nulling(plant, rng)
+    start, end = min(plan.start, change.start), max(plan.end, change.end)
+    assume(end - start < 200.0)
+    times, step = np.linspace(start, end, int((end - start) / 4e-3), retstep=True)
+    u, moved = plan.inputs(times) - reference(times) @ least_held(plant, weight).T, change.inputs(times)
+    work, own, other = (step * np.einsum("ki,ij,kj->", a, weight, b) for a, b in ((u, moved), (u, u), (moved, moved)))
+    assert abs(work) < 1e-6 * np.sqrt(own * other)
 
 
 def least_held(plant: StateSpace, weight: Array) -> Array:
@@ -159,14 +160,13 @@ def least_held(plant: StateSpace, weight: Array) -> Array:
     return np.asarray(np.linalg.lstsq(K, np.vstack([np.zeros((2 * n + m, p)), np.eye(p)]), rcond=None)[0][n : n + m])
 
 
-def output_nulling(plant: StateSpace, times: Array, place: float, rng: np.random.Generator) -> Array:
-    """An input (k, m) from rest to rest that no output shows: made by the inverse of a further, fictitious output."""
+def output_nulling(plant: StateSpace, rng: np.random.Generator) -> Plan:
+    """Inputs from rest to rest that no output shows: what makes a further, fictitious output move."""
     extra = plant.n_inputs - plant.n_outputs
     row, direct = rng.normal(size=(extra, plant.n_states)), rng.normal(size=(extra, plant.n_inputs))
     square = StateSpace(plant.A, plant.B, np.vstack([plant.C, row]), np.vstack([plant.D, direct]))
-    pulse = rest_to_rest(0.0, 1.0, duration=1.0, start_time=place - 1.0, smoothness=5)
-    pulse = pulse - pulse.shifted(1.0)
-    return invert(square, stack([constant(0.0)] * plant.n_outputs + [pulse] * extra)).inputs(times)
+    pulse = rest_to_rest(0.0, 1.0, duration=1.0, start_time=0.3, smoothness=5)
+    return invert(square, stack([constant(0.0)] * plant.n_outputs + [pulse - pulse.shifted(1.0)] * extra), tolerance=1e-8)
 
 
 @pytest.mark.parametrize("units", [1e-3, 1e4])
@@ -212,11 +212,15 @@ def test_bad_weights(weight: Any) -> None:
         invert(dual_stage(), STEP, R=weight)
 
 
-def test_what_is_left_moving_without_friction_is_refused() -> None:
-    """Carts of unlike masses: the least input moves them apart, and no cheapest way exists to stop that."""
-    assert invert(carts(0.0), THERE_AND_BACK).preactuation == 0.0  # alike, they stay together
-    with pytest.raises(NonHyperbolicError, match=r"a motion of x1, x2, x3, x4 at 0 rad/s changes no output and takes no input"):
-        invert(carts(0.0, mass=2.0), STEP)
+def test_what_takes_no_input_is_left_at_rest_or_refused() -> None:
+    """y'' = u1 + u2 and w'' = y' + u1 - u2: the least input does not stop w, and no cheapest way to do it exists."""
+    A = [[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1], [0, 1, 0, 0]]
+    plant = StateSpace(A, [[0, 0], [1, 1], [0, 0], [1, -1.0]], [[1.0, 0, 0, 0]], states=["y", "y'", "w", "w'"])
+    with pytest.raises(NonHyperbolicError, match=r"a motion of w, w' at 0 rad/s changes no output and takes no input"):
+        invert(plant, STEP)
+    plan = invert(plant, THERE_AND_BACK)
+    assert plan.states([9.0])[0, 2] == pytest.approx(1.5)  # it moves while y is away, and stays where that leaves it
+    assert any("nothing is asked of the motion of w, w'" in remark for remark in plan.remarks)
 
 
 def test_jumps_that_change_what_costs_nothing_are_refused() -> None:
@@ -233,11 +237,14 @@ def test_zeros_on_the_axis_are_refused() -> None:
         invert(plant, THERE_AND_BACK, R=1.0)
 
 
-def test_feasibility_agrees() -> None:
-    for plant in (dual_stage(), SwitchedSystem([dual_stage(), dual_stage(reach=1.3)], [0.5]), carts(0.0, mass=2.0)):
-        report = feasibility(plant, STEP, R=R)
-        assert report.solvable == (plant is not None and "no cheapest" not in report.message)
-        assert str(report)
+@pytest.mark.parametrize("plant", [dual_stage(), SwitchedSystem([dual_stage(), dual_stage(reach=1.3)], [0.5]), carts(1.0)])
+def test_feasibility_agrees(plant: Any) -> None:
+    report = feasibility(plant, STEP, R=R)
+    assert report.solvable
+    assert report.boundary is not None
+    assert report.boundary.unknowns == report.boundary.end_conditions
+    assert "all conditions hold" in str(report) or "solvable" in str(report)
+    assert not feasibility(plant, rest_to_rest(0.0, 1.0, duration=1.0, smoothness=0), R=R).solvable
 
 
 def test_more_outputs_than_inputs_name_what_serves() -> None:
@@ -258,7 +265,7 @@ def test_more_outputs_than_inputs_name_what_serves() -> None:
 @pytest.mark.parametrize(
     "method",
     [
-        lambda plant: invtrack.modified_inversion(plant, STEP),
+        lambda plant: invtrack.modified_inversion(plant, STEP, axis_distance=0.1, real_part=1.0),
         lambda plant: invtrack.causal_inverse(plant, STEP),
         lambda plant: invtrack.inversion.steady_state_feedforward(plant, STEP),
     ],

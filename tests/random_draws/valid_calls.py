@@ -153,11 +153,14 @@ def _calls() -> dict[str, Call]:
             inputs=["u"],
             outputs=["y"],
             operating_point=model.operating_point,
+            input_limits=[[-1.0, 1.0]],
             measurement=model.measurement,
             parameters={"m": 1.0},
             error_estimates={"A": 0.0},
         ),
         "StateSpace.transformed": call(model.transformed, T=np.array([[1.0, 1.0], [0.0, 1.0]]), states=["a", "b"]),
+        "StateSpace.with_inputs": call(model.with_inputs, inputs=["u1"]),
+        "StateSpace.with_outputs": call(model.with_outputs, outputs=["y1"]),
         "OperatingPoint": call(linear.OperatingPoint, x0=np.zeros(2), u0=np.zeros(1), y0=np.zeros(1)),
         "Measurement": call(linear.Measurement, C=C, D=np.zeros((1, 1)), channels=["y"], y0=np.zeros(1)),
         "SwitchedSystem": call(invtrack.SwitchedSystem, systems=[model, model], switch_times=[0.5]),
@@ -219,8 +222,10 @@ def _calls() -> dict[str, Call]:
         "read_plan": call(plans.read_plan, path="plan.csv"),
         "preactuation_bound": call(plans.preactuation_bound, plan=invtrack.invert(antistable, slew)),
         # inversion
-        "invert": call(invtrack.invert, model=model, reference=slew, tolerance=1e-8, max_preactuation=3.0, max_postactuation=3.0),
-        "feasibility": call(inversion.feasibility, model=model, reference=slew),
+        "invert": call(
+            invtrack.invert, model=model, reference=slew, R=2.0, tolerance=1e-8, max_preactuation=3.0, max_postactuation=3.0
+        ),
+        "feasibility": call(inversion.feasibility, model=model, reference=slew, R=2.0),
         "modified_inversion": call(
             invtrack.modified_inversion,
             model=antistable,
