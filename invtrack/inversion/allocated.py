@@ -26,7 +26,6 @@ from invtrack.linear.internal_dynamics import (
 )
 from invtrack.linear.invariant_parts import invariant_parts
 from invtrack.linear.pseudospectrum import Pseudospectrum
-from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.staircase import unreached
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.problem import PlanningProblem
@@ -104,7 +103,12 @@ class AllocatedDynamics:
 
     @cached_property
     def _scale(self) -> Array:
-        return balancing_scale(self.A)
+        """Units of xi: eta's are balanced, the costate's such that what it does to eta is as strong as what eta does to it."""
+        n = self.P.shape[1]
+        own, acts, acted_on = (np.linalg.norm(M) for M in (self.A[:n, :n], self.A[:n, n:], self.A[n:, :n]))
+        ratio = acted_on / acts if acts > 0 else (acted_on / own) ** 2 if own > 0 else 1.0
+        unit = np.exp2(np.rint(np.log2(ratio) / 2)) if ratio > 0 else 1.0
+        return np.concatenate([np.ones(n), np.full(n, unit)])
 
     @cached_property
     def _balanced(self) -> Array:
@@ -112,9 +116,13 @@ class AllocatedDynamics:
 
     @cached_property
     def on_axis(self) -> NDArray[np.bool_]:
-        """Which of the modes cannot be told from ones on the imaginary axis."""
+        """Which of the modes cannot be told from ones on the imaginary axis; zeros of the plant among them are judged as such."""
         rounding = ROUNDING_FACTOR * len(self.A) * float(np.finfo(float).eps * np.linalg.norm(self._balanced))
-        return Pseudospectrum(self._balanced).joins_axis(self.modes, max(rounding, self.internal.uncertainty))
+        found = Pseudospectrum(self._balanced).joins_axis(self.modes, max(rounding, self.internal.uncertainty))
+        for zero in self.internal.zeros[~on_axis(self.internal)]:
+            for mode in (zero, -zero):
+                found[np.argmin(np.abs(self.modes - mode))] = False
+        return found
 
     def require_hyperbolic(self) -> None:
         """Raises NonHyperbolicError for modes on the imaginary axis that no plan brings to rest, with what they are."""

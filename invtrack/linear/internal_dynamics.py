@@ -128,6 +128,7 @@ def internal_dynamics(system: StateSpace, R: Array | None = None) -> InternalDyn
     uncertainty += system.n_states * np.finfo(float).eps * float(np.linalg.norm(A_y * form.units / form.units[:, None]))
     B_v, into = form.N @ system.B @ Z, np.abs(form.N)
     B_terms, B_errors = into @ np.abs(system.B) @ np.abs(Z), into @ system.errors("B") @ np.abs(Z)
+    B_v = np.where(np.abs(B_v) <= rounding * B_terms + ERROR_GROWTH * B_errors, 0.0, B_v)
     B_error = np.maximum(COUPLING_TOLERANCE * np.linalg.norm(B_terms, axis=0), ERROR_GROWTH * np.linalg.norm(B_errors, axis=0))
     unmoved = _unmoved(A_eta, uncertainty, B_v, B_error)
     return InternalDynamics(
