@@ -26,7 +26,7 @@ AGREEMENT = 1e-6
 
 
 class ExosystemController(PlanFollower):
-    """u = F(t) x_hat_e - K_k (x_hat - G(t) x_hat_e): the exosystem's state and the plant's, each known or estimated.
+    """u = F(t) x_hat_e - K_k (x_hat - G(t) x_hat_e) from the map's rest: exosystem's state and plant's, each known or estimated.
 
     F(t) x_hat_e is averaged over each hold, through which the exosystem runs on from x_hat_e. The error of x_hat_e acts on the
     plant but not the plant on it, a cascade, so the poles of closed loop and estimators are those that they were designed for.
@@ -134,10 +134,11 @@ class ExosystemController(PlanFollower):
         """The law for one run: y_d is known, so the exosystem's estimates and all that follows from them are worked out here."""
         regulation = self._regulation
         states = self.exosystem_states(instants)
-        x_ref = _applied(regulation.x_map, instants.time, instants.inside, states)
+        x_ref = _applied(regulation.x_map, regulation.x_rest, instants.time, instants.inside, states)
         within = states_within_holds(regulation.exosystem, instants, states)
-        deviation = instants.mean_over_hold(lambda times, inside: _applied(regulation.u_map, times, inside, within))
-        feedforward = deviation + self.plan.model.operating_point.u0
+        feedforward = instants.mean_over_hold(
+            lambda times, inside: _applied(regulation.u_map, regulation.u_rest, times, inside, within)
+        )
         observer = self._state_observer
         if observer is None:
             return AffineLaw.around(feedforward, x_ref, self.gains, instants.inside)
@@ -145,10 +146,10 @@ class ExosystemController(PlanFollower):
         return OutputFeedbackLaw.around(self, observer, instants, feedforward=feedforward, x_ref=x_ref, measured_at=x_ref)
 
 
-def _applied(map_at: Callable[..., Array], times: Array, inside: Array, states: Array) -> Array:
-    """map(t_i) states_i (m, .) for a map of time, G or F, and exosystem states (m, q)."""
+def _applied(map_at: Callable[..., Array], rest_at: Callable[..., Array], times: Array, inside: Array, states: Array) -> Array:
+    """rest(t_i) + map(t_i) states_i (m, .) for a map of time, G or F, its rest, and exosystem states (m, q)."""
     parts = [
-        np.einsum("mkq,mq->mk", map_at(times[part], inside=inside[part]), states[part])
+        rest_at(times[part], inside=inside[part]) + np.einsum("mkq,mq->mk", map_at(times[part], inside=inside[part]), states[part])
         for part in (slice(first, first + CHUNK) for first in range(0, len(times), CHUNK))
     ]
     return np.concatenate(parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -16,6 +17,7 @@ from invtrack.control.protocol import Instants, numbered
 from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import ControlError
 from invtrack.linear.propagation import held_through
+from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
 
@@ -28,8 +30,9 @@ class EstimatorDesign:
         K: feedback gain (p, n).
         M: correction (n, m) by what was measured at the start of the hold.
         C_m: what is measured of the state (m, n).
-        A_d: the plant's step over the hold, x <- A_d x + B_d (u - u0): (n, n).
+        A_d: the plant's step over the hold, x - rest <- A_d (x - rest) + B_d (u - u0) + moved, from the rest at its start: (n, n).
         B_d: (n, p).
+        moved: what jumps of the rest within the hold add (n,).
     """
 
     K: Array
@@ -37,6 +40,7 @@ class EstimatorDesign:
     C_m: Array
     A_d: Array
     B_d: Array
+    moved: Array
 
     @cached_property
     def closed_loop(self) -> Array:
@@ -52,7 +56,7 @@ class OutputFeedbackLaw:
 
     Args:
         feedforward: u_ff (m, p) at the instants of the run.
-        x_ref: wanted states (m, n), as deviations from the operating point.
+        x_ref: wanted states (m, n), as deviations from the operating point before all jumps.
         expected: the measurement y_ref (m, .) in the wanted state.
         drift: d (m, n), by how much the deviation changes over each hold although nothing disturbs the plant.
         designs: the distinct estimators.
@@ -101,7 +105,7 @@ class OutputFeedbackLaw:
             feedforward,
             x_ref,
             expected=_measured_in(model, instants, measured_at),
-            drift=_drift(x_ref, feedforward - model.operating_point.u0, designs, which),
+            drift=_drift(model, instants, x_ref, feedforward, designs, which),
             designs=designs,
             which=which,
         )
@@ -126,14 +130,14 @@ class OutputFeedbackLaw:
 class OutputFeedbackController(PlanFollower):
     """u = u_ff - K_k e_hat, e_hat the estimated deviation e = x - x_ref from the plan.
 
-    At each update, with the plan's measurement y_ref = y0 + C_m x_ref:
+    At each update, with the plan's measurement y_ref = y0 + C_m (x_ref - rest):
 
         e_hat = e_prior + M (y_m - y_ref - C_m e_prior),    u = u_ff - K e_hat,    e_prior <- A_d e_hat - B_d K e_hat + d,
 
-    d = A_d x_ref + B_d (u_ff - u0) less the next x_ref: what holding the input over the period costs, most where the plant jumps
-    within it. It is known beforehand, so with ideal sensors and from the plan's state e_hat is e, and nothing is lost against a
-    measured state. Through a parameter jump e_hat continues: plan and plant are continuous in the state. The plan's model says
-    what is measured (`StateSpace.measurement`).
+    d = rest + A_d (x_ref - rest) + B_d (u_ff - u0) less the next x_ref: what holding the input over the period costs, most where
+    the plant jumps within it. It is known beforehand, so with ideal sensors and from the plan's state e_hat is e, and nothing is
+    lost against a measured state. Through a parameter jump e_hat continues: plan and plant are continuous in the state. The plan's
+    model says what is measured (`StateSpace.measurement`).
 
     Args:
         plan: where u_ff and x_ref come from.
@@ -193,27 +197,47 @@ def _design_holds(
         system = model.distinct[number]
         M = observer.gain(system, sum(duration for _, duration in segments))
         A_d, B_d = held_through((model.distinct[k].A, model.distinct[k].B, duration) for k, duration in segments)
-        designs.append(EstimatorDesign(gains.gains[gain], M, system.measurement.C, A_d, B_d))
+        moved = _moved_rest(system, [(model.distinct[k], duration) for k, duration in segments])
+        designs.append(EstimatorDesign(gains.gains[gain], M, system.measurement.C, A_d, B_d, moved))
     return designs, which
 
 
+def _moved_rest(first: StateSpace, segments: Sequence[tuple[StateSpace, float]]) -> Array:
+    """What a hold through models at rest elsewhere adds to the state (n,), for one that is at rest in the first of them."""
+    u_0 = first.operating_point.u0
+    pushes = [system.A @ (first.rest - system.rest) + system.B @ (u_0 - system.operating_point.u0) for system, _ in segments]
+    if not np.any(pushes):
+        return np.zeros(len(first.A))
+    steps = ((system.A, push[:, np.newaxis], duration) for (system, duration), push in zip(segments, pushes, strict=True))
+    return np.asarray(held_through(steps)[1][:, 0])
+
+
 def _measured_in(model: SwitchedSystem, instants: Instants, x: Array) -> Array:
-    """The measurement y0 + C_m x (m, .) in states x (m, n) at the instants of a run."""
+    """The measurement y0 + C_m (x - rest) (m, .) in states x (m, n) at the instants of a run."""
     number = model.numbers[model.interval(instants.inside)]
     expected = np.stack([system.measurement.y0 for system in model.distinct])[number]
     for k, system in enumerate(model.distinct):
-        expected[number == k] += x[number == k] @ system.measurement.C.T
+        expected[number == k] += (x[number == k] - system.rest) @ system.measurement.C.T
     return expected
 
 
-def _drift(x_ref: Array, v: Array, designs: list[EstimatorDesign], which: Indices) -> Array:
-    """A_d x_ref + B_d v less the next x_ref (m, n), for wanted states x_ref (m, n) and inputs v = u - u0 (m, p); last row zero.
+def _drift(
+    model: SwitchedSystem, instants: Instants, x_ref: Array, u: Array, designs: list[EstimatorDesign], which: Indices
+) -> Array:
+    """Where the plant gets from x_ref over each hold, less the next x_ref (m, n); last row zero.
 
     By this the deviation changes over a hold although nothing disturbs the plant: because the input is held, above all where the
     plant jumps meanwhile, or because the wanted states are no motion of the plant.
+
+    Args:
+        model, instants: of the run.
+        x_ref, u: wanted states (m, n) and inputs (m, p).
+        designs, which: the distinct designs, and which of them each hold has (m,).
     """
-    drift = np.zeros_like(x_ref)
+    drift, interval = np.zeros_like(x_ref), model.interval(instants.inside)
+    rest, v = model.rest_states[interval], u - model.rest_inputs[interval]
+    x, after = x_ref - rest, x_ref[1:] - rest[:-1]
     for number, design in enumerate(designs):
         held = np.flatnonzero(which[:-1] == number)
-        drift[held] = x_ref[held] @ design.A_d.T + v[held] @ design.B_d.T - x_ref[held + 1]
+        drift[held] = x[held] @ design.A_d.T + v[held] @ design.B_d.T + design.moved - after[held]
     return drift

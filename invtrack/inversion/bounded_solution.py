@@ -53,7 +53,8 @@ def bounded_solution(problem: PlanningProblem, inverses: Sequence[Inverse], meas
 
 def inverse_problem(problem: PlanningProblem, inverses: Sequence[Inverse]) -> TwoSidedProblem:
     """The two-sided problem of the inverse: that of each interval, driven by each generator of the reference that occurs in it."""
-    return two_sided_problem(problem, inverses, peaks=[_prescribed_peak(problem.deviation, inverse) for inverse in inverses[1:]])
+    peaks = [_prescribed_peak(problem.deviation, inverse) for inverse in inverses[1:]]
+    return two_sided_problem(problem, inverses, shifts=problem.plant.shifts, peaks=peaks)
 
 
 def _prescribed_peak(reference: PiecewiseSignal, inverse: Inverse) -> Array:

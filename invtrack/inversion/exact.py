@@ -31,9 +31,9 @@ def invert(
 ) -> Plan:
     """The bounded input and state with which the outputs of `model` follow `reference` exactly.
 
-    x' = A_k x + B_k u, C_k x = y_d on all of time, x continuous through the jumps. Internal dynamics: stable part forward from
-    rest, antistable part backward from rest, so the input acts before the manoeuvre (preactuation) and rings down after it. What
-    belongs to zeros on the imaginary axis runs forward, from rest; a reference that leaves it at rest is served.
+    x' = A_k (x - rest_k) + B_k (u - u0_k), y = y_d on all of time, x continuous through the jumps. Internal dynamics: stable part
+    forward from rest, antistable part backward from rest, so the input acts before the manoeuvre (preactuation) and rings down
+    after it. What belongs to zeros on the imaginary axis runs forward, from rest; a reference that leaves it at rest is served.
 
     With more inputs than outputs many inputs do it. Taken are those with the least integral of (u - u_rest)'R (u - u_rest), where
     u_rest is the least u'R u (from the operating point's input) that would hold the wanted outputs where they are.

@@ -31,9 +31,9 @@ def missing_derivative(problem: PlanningProblem, form: NormalForm, trajectory: T
     t, n = plant.switch_times[k], plant.n_states
     at = int(np.searchsorted(reference.breakpoints, t))
     before, after = reference.inner_times()[at : at + 2]
-    x = trajectory.at(t, before)[0, :n]
+    x = trajectory.at(t, before)[0, :n] + plant.shifts[k]
     owners = [(i, order) for i, r in enumerate(form.orders) for order in range(r)]
-    found, terms = form.C_star @ x, np.abs(form.C_star) @ np.abs(x)
+    found, terms = form.C_star @ x, np.abs(form.C_star) @ (np.abs(x) + np.abs(plant.shifts[k]))
     wanted, left = (form.zeta.rows(partial(_columns, reference, t, inside=side))[:, 0] for side in (after, before))
     sizes = form.zeta.size(reference.size)
     missed = np.flatnonzero(np.abs(found - wanted) > CONSISTENCY_TOLERANCE * np.maximum(np.maximum(terms, sizes), np.abs(wanted)))
@@ -44,11 +44,13 @@ def missing_derivative(problem: PlanningProblem, form: NormalForm, trajectory: T
     held = trajectory.after.held[n : n + plant.n_inputs]
     call = redesign_call(reference.size(0), inputs, held=held, error=REDESIGN_ERROR)
     name, less = plant.outputs.names[i], ", less multiples of others," if form.combined and order else ""
+    at_rest = plant.rest_outputs[k : k + 2, i] if order == 0 else np.zeros(2)
     return (
         f"at the jump at t = {t:.6g} s no continuous state keeps the output exact: {_derivative(order, name)}{less} would jump "
-        f"from {left[row]:.4g} to {found[row]:.4g}, what the state before the jump makes of it, where the reference asks for "
-        f"{wanted[row]:.4g} (missed by {share:.1e} of the size of its terms, whatever the internal state); let the reference there "
-        f"take the value that the state before gives, or use {call} which gives up as little of the output as it must"
+        f"from {left[row] + at_rest[0]:.4g} to {found[row] + at_rest[1]:.4g}, what the state before the jump makes of it, where "
+        f"the reference asks for {wanted[row] + at_rest[1]:.4g} (missed by {share:.1e} of the size of its terms, whatever the "
+        f"internal state); let the reference there take the value that the state before gives, or use {call} which gives up as "
+        "little of the output as it must"
     )
 
 

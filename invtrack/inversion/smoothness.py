@@ -19,17 +19,19 @@ from invtrack.references.signal import JUMP_TOLERANCE, PiecewiseSignal
 def require_smooth(plant: SwitchedSystem, internals: Sequence[InternalDynamics], reference: PiecewiseSignal) -> None:
     """What the outputs prescribe of the state must be continuous within an interval; at a jump the conditions there decide.
 
-    With a vector relative degree r this is y_d ... y_d^(r-1). Raises TrajectoryError.
+    With a vector relative degree r this is y_d ... y_d^(r-1). The reference is the deviation from the outputs at rest, of which the
+    absolute one must be continuous. Raises TrajectoryError.
     """
     edges, inner = reference.breakpoints, reference.inner_times()
     after, before = plant.interval(edges), np.searchsorted(plant.switch_times, edges, side="left")
+    rest = plant.rest_outputs[after] - plant.rest_outputs[before]
     known: dict[int, Array] = {}
 
     def jump(order: int) -> Array:
-        """Jump of a derivative at each breakpoint (p, m + 1)."""
+        """Jump of a derivative of the wanted outputs at each breakpoint (p, m + 1)."""
         if order not in known:
             sides = [reference(edges, derivative=order, inside=times) for times in (inner[1:], inner[:-1])]
-            known[order] = (sides[0] - sides[1]).T
+            known[order] = (sides[0] - sides[1] + (rest if order == 0 else 0.0)).T
         return known[order]
 
     shape = (len(plant), len(plant))

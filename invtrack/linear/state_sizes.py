@@ -33,9 +33,9 @@ def comparable_size(size: Array, ratios: Array) -> Array:
 
 
 def idle_states(plant: SwitchedSystem) -> NDArray[np.bool_]:
-    """Which states no input moves, not even through other states (n,): in a plan that starts at rest they stay zero."""
+    """Which states no input and no jump of the rest moves, not even through other states (n,): from rest on they stay there."""
     A, B = (np.max([np.abs(getattr(system, name)) for system in plant.distinct], axis=0) > 0 for name in "AB")
-    moved = np.any(B, axis=1)
+    moved = np.any(B, axis=1) | np.any(plant.shifts, axis=0)
     for _ in range(plant.n_states):
         moved = moved | np.any(A[:, moved], axis=1)
     return np.asarray(~moved, dtype=bool)

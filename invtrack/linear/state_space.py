@@ -20,7 +20,8 @@ class OperatingPoint:
     """The point about which a linear model holds, in absolute coordinates.
 
     x0 is the state from which deviations are measured (for a mechanism: qpos, qvel and activations, so it may be longer than the
-    model's state), u0 (m,) the input and y0 (p,) the output there, in the units of actuators and sensors.
+    model's state), u0 (m,) the input and y0 (p,) the output at rest, in the units of actuators and sensors. The model is at rest in
+    x0 itself unless it says otherwise (`StateSpace.rest`).
 
     Raises ModelError for what is no vector of finite numbers.
     """
@@ -33,6 +34,10 @@ class OperatingPoint:
         for name, value in vars(self).items():
             object.__setattr__(self, name, _finite_vector(f"an operating point's {name}", value))
 
+    def transformed(self, T: Array) -> OperatingPoint:
+        """The same point in the coordinates T x, where x0 is a state of the model's own coordinates; a mechanism's x0 stays."""
+        return replace(self, x0=T @ self.x0) if self.x0.shape == T.shape[1:] and np.any(self.x0) else self
+
     def agrees_with(self, other: OperatingPoint, tolerance: float = 1e-9) -> bool:
         """Whether both points are the same to within `tolerance`, relative to the size of each entry (at least 1)."""
         pairs = ((self.x0, other.x0), (self.u0, other.u0), (self.y0, other.y0))
@@ -41,9 +46,9 @@ class OperatingPoint:
 
 @dataclass(frozen=True, eq=False, init=False)
 class Measurement:
-    """What a controller can measure: y_m = y0 + C x + D (u - u0).
+    """What a controller can measure: y_m = y0 + C (x - rest) + D (u - u0).
 
-    C (k, n), D (k, m), k channels (names alone will do), and the values y0 (k,) at the operating point. Any number of signals k;
+    C (k, n), D (k, m), k channels (names alone will do), and the values y0 (k,) at rest. Any number of signals k;
     they need not be the outputs that follow a trajectory.
 
     Raises ModelError for what is no matrix or vector of finite numbers.
@@ -63,15 +68,17 @@ class Measurement:
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """A linear model x' = A x + B (u - u0), y = y0 + C x + D (u - u0) with n states, m inputs and p outputs.
+    """A linear model x' = A (x - rest) + B (u - u0), y = y0 + C (x - rest) + D (u - u0): n states, m inputs and p outputs.
 
-    x is the deviation from the operating point; inputs u and outputs y are absolute. Exact inversion needs at least as many inputs
-    as outputs, and some methods as many inputs as outputs; where that is so they say it.
+    x is the deviation from the operating point's x0; inputs u and outputs y are absolute. Exact inversion needs at least as many
+    inputs as outputs, and some methods as many inputs as outputs; where that is so they say it.
 
     Args:
         A, B, C, D: (n, n), (n, m), (p, n) and (p, m); D is zero unless stated.
         states, inputs, outputs: names and units, as Channels or names alone; x1, u1, y1 and so on unless stated.
         operating_point: where u0 and y0 come from; None: both are zero.
+        rest: the state x (n,) in which the model is at rest with the input u0, zero unless stated: a payload that is picked up
+            moves the equilibrium, but not the x0 from which states are measured.
         input_limits: smallest and largest value of each input (m, 2), absolute, infinite where there is none; unlimited unless
             stated.
         measurement: what a controller can measure, the outputs themselves unless stated.
@@ -90,6 +97,7 @@ class StateSpace:
     inputs: Channels
     outputs: Channels
     operating_point: OperatingPoint
+    rest: Array
     input_limits: Array
     measurement: Measurement
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -106,6 +114,7 @@ class StateSpace:
         inputs: Channels | Sequence[str] | None = None,
         outputs: Channels | Sequence[str] | None = None,
         operating_point: OperatingPoint | None = None,
+        rest: ArrayLike | None = None,
         input_limits: ArrayLike | None = None,
         measurement: Measurement | None = None,
         parameters: Mapping[str, float] | None = None,
@@ -131,6 +140,9 @@ class StateSpace:
                 f"operating point has u0 of shape {operating_point.u0.shape} and y0 of shape {operating_point.y0.shape}, "
                 f"expected ({m},) and ({p},)"
             )
+        state_at_rest = np.zeros(n) if rest is None else _finite_vector("rest", rest)
+        if state_at_rest.shape != (n,):
+            raise ModelError(f"rest has shape {state_at_rest.shape}, expected ({n},), one value for each state")
         outputs = _channels("output", "y", outputs, p)
         if measurement is None:
             measurement = Measurement(C, D, outputs, operating_point.y0)
@@ -150,6 +162,7 @@ class StateSpace:
             "inputs": _channels("input", "u", inputs, m),
             "outputs": outputs,
             "operating_point": operating_point,
+            "rest": state_at_rest,
             "input_limits": _limits(input_limits, m),
             "measurement": measurement,
             "parameters": _numbers("parameters", parameters, "values by the names of physical parameters"),
@@ -233,7 +246,8 @@ class StateSpace:
             states=states,
             inputs=self.inputs,
             outputs=self.outputs,
-            operating_point=self.operating_point,
+            operating_point=self.operating_point.transformed(T),
+            rest=T @ self.rest,
             input_limits=self.input_limits,
             measurement=replace(self.measurement, C=C_m),
             parameters=self.parameters,

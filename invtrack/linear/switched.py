@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,18 +23,25 @@ OSCILLATION_TOLERANCE = 1e-6
 """An eigenvalue counts as an oscillation where its imaginary part exceeds this share of the fastest eigenvalue: a rigid-body mode's
 double eigenvalue at zero is split by rounding to about sqrt(eps) of it."""
 
+SAME_POINT = 1e-9
+"""Entries of two configurations that differ by no more, absolutely or as a share, are the same to rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class SwitchedSystem:
     """A, B, C, D constant between known switch times t_1 < ... < t_N [s]; the state is continuous at a switch.
 
-    systems: N + 1 models of the same states, inputs and outputs about the same operating point, for values of the same physical
-    parameters; switch_times: (N,), may be empty.
+    x' = A_k (x - rest_k) + B_k (u - u0_k), y = y0_k + C_k (x - rest_k) + D_k (u - u0_k): each interval has its own equilibrium,
+    which a payload that is picked up moves. All states x are measured from the x0 of the first interval.
+
+    systems: N + 1 models of the same states, inputs and outputs, for values of the same physical parameters; switch_times: (N,),
+    may be empty. Models with an x0 of their own (n,) are put into the frame of the first one: `systems` has them with its x0, and
+    with their `rest` as much moved.
     distinct: the models without repetition; numbers (N + 1,): which of them each interval has.
     Interval k reaches from t_k to t_(k+1), the first from -infinity and the last to infinity (Devasia, Paden, Rossi 1996, eq. 1).
 
-    Raises ModelError where the numbers do not fit, times do not increase, or operating points differ (an equilibrium that moves
-    with the parameter, such as a payload under gravity, is a different problem and is refused, not ignored).
+    Raises ModelError where the numbers do not fit, times do not increase, or states are measured from different x0 that are longer
+    than the state (a mechanism's configurations, of which the plain difference is no state).
     """
 
     systems: tuple[StateSpace, ...]
@@ -48,7 +56,9 @@ class SwitchedSystem:
         if len(models) != len(times) + 1:
             raise ModelError(f"expected one more system than switch times, got {len(models)} systems and {len(times)} switch times")
         for k, model in enumerate(models[1:], start=1):
-            _require_same_frame(models[0], model, k)
+            _require_same_channels(models[0], model, k)
+        framed = {id(model): _in_frame(model, models[0], k) for k, model in enumerate(models)}
+        models = tuple(framed[id(model)] for model in models)
         times.setflags(write=False)
         object.__setattr__(self, "systems", models)
         object.__setattr__(self, "switch_times", times)
@@ -113,8 +123,33 @@ class SwitchedSystem:
 
     @property
     def operating_point(self) -> OperatingPoint:
-        """The point about which all intervals hold."""
+        """The point about which the first interval holds; all states are measured from its x0."""
         return self.systems[0].operating_point
+
+    @cached_property
+    def rest_states(self) -> Array:
+        """The state in which each interval is at rest (N + 1, n)."""
+        return np.array([system.rest for system in self.systems])
+
+    @cached_property
+    def rest_inputs(self) -> Array:
+        """The input at which each interval is at rest (N + 1, p)."""
+        return np.array([system.operating_point.u0 for system in self.systems])
+
+    @cached_property
+    def rest_outputs(self) -> Array:
+        """The output at which each interval is at rest (N + 1, p)."""
+        return np.array([system.operating_point.y0 for system in self.systems])
+
+    @cached_property
+    def shifts(self) -> Array:
+        """By how much the deviation of the state from rest jumps at each switch, since the state does not (N, n)."""
+        return np.asarray(-np.diff(self.rest_states, axis=0))
+
+    @cached_property
+    def rests_in_one_place(self) -> bool:
+        """Whether all intervals are at rest in the same state, with the same input and output."""
+        return not any(np.any(np.diff(rest, axis=0)) for rest in (self.rest_states, self.rest_inputs, self.rest_outputs))
 
     @property
     def parameters(self) -> Mapping[str, float]:
@@ -141,7 +176,7 @@ def as_switched(model: Any) -> SwitchedSystem:
     return model if isinstance(model, SwitchedSystem) else SwitchedSystem([model])
 
 
-def _require_same_frame(first: StateSpace, model: StateSpace, k: int) -> None:
+def _require_same_channels(first: StateSpace, model: StateSpace, k: int) -> None:
     for kind in ("states", "inputs", "outputs"):
         expected, got = getattr(first, kind), getattr(model, kind)
         if not got.fits(expected):
@@ -152,13 +187,21 @@ def _require_same_frame(first: StateSpace, model: StateSpace, k: int) -> None:
             f"interval {k} holds for values of the parameters {known}, interval 0 of {expected}; linearize all intervals from one "
             "plant, or state `parameters` of the same names for all of them"
         )
-    if not model.operating_point.agrees_with(first.operating_point):
-        first_point, point = first.operating_point, model.operating_point
+
+
+def _in_frame(model: StateSpace, first: StateSpace, k: int) -> StateSpace:
+    """The model with its states measured from the x0 of the first one."""
+    x0, origin = model.operating_point.x0, first.operating_point.x0
+    if np.array_equal(x0, origin):
+        return model
+    if x0.shape != origin.shape or (len(x0) != model.n_states and not np.allclose(x0, origin, rtol=SAME_POINT, atol=SAME_POINT)):
         raise ModelError(
-            f"interval {k} holds about another operating point than interval 0 (u0 {point.u0.tolist()} against "
-            f"{first_point.u0.tolist()}, y0 {point.y0.tolist()} against {first_point.y0.tolist()}); intervals whose equilibria "
-            "differ are not supported: linearize about a common one"
+            f"interval {k} measures its states from the x0 {x0.tolist()}, interval 0 from {origin.tolist()}, of which no difference"
+            f" of the {model.n_states} states can be told; linearize all intervals from one plant at one operating point, and say "
+            'where the equilibrium is after a change: invtrack.linearize(plant, equilibrium="same outputs", ...)'
         )
+    moved = x0 - origin if len(x0) == model.n_states else 0.0
+    return replace(model, operating_point=replace(model.operating_point, x0=origin), rest=model.rest + moved)
 
 
 def slowest_flexible_period(A: ArrayLike) -> float:

@@ -40,8 +40,9 @@ def without_hidden_modes(model: Any) -> StateSpace | SwitchedSystem:
     Of a SwitchedSystem only that part goes which is hidden in all intervals together: what the inputs of any interval, passed on
     by the states through any others, never reach, and what in the same way never gets to an output.
 
-    Raises ModelError where nothing is left; where the measurement shows a mode that the outputs do not; and where an interval has
-    hidden modes besides those of all intervals, which cannot go as they act in another. Source: R. E. Kalman, "Mathematical
+    Raises ModelError where nothing is left; where the measurement shows a mode that the outputs do not; where an equilibrium that
+    jumps moves what no input moves; and where an interval has hidden modes besides those of all intervals, which cannot go as they
+    act in another. Source: R. E. Kalman, "Mathematical
     description of linear dynamical systems", SIAM J. Control 1, 1963; by staircase forms, see `zero_kinds`.
     """
     switched = as_switched(model)
@@ -57,6 +58,7 @@ def without_hidden_modes(model: Any) -> StateSpace | SwitchedSystem:
         unmoved, unseen = _along_states(unmoved, unseen, hidden.units, switched.distinct)
         for system in switched.distinct:
             _require_unmeasured(system, unseen, hidden)
+        _require_unshifted(switched, unmoved, hidden)
         kept = _kept_states(np.hstack([unmoved, unseen]), hidden.units, switched.states)
         switched = SwitchedSystem(switched.map(kept.of), switched.switch_times)
     if not isinstance(model, SwitchedSystem):
@@ -90,6 +92,7 @@ class _KeptStates:
             B=L @ system.B,
             C=system.C @ R,
             states=self.channels,
+            rest=L @ system.rest,
             measurement=replace(measurement, C=measurement.C @ R),
             error_estimates={name: errors[name] for name in system.error_estimates},
         )
@@ -150,6 +153,17 @@ def _require_unmeasured(system: StateSpace, unseen: Array, hidden: HiddenSubspac
             f"the measured signals {names} show modes that the outputs {list(system.outputs.names)} do not, so without them the "
             "measurement would be another; leave these signals out of the measurement (dataclasses.replace(model, "
             "measurement=None) measures the outputs alone), or make one of them an output"
+        )
+
+
+def _require_unshifted(switched: SwitchedSystem, unmoved: Array, hidden: HiddenSubspaces) -> None:
+    shifts = switched.shifts / hidden.units
+    parts, sizes = np.linalg.norm(shifts @ unmoved, axis=1), np.linalg.norm(shifts, axis=1)
+    moved = np.flatnonzero(parts > SHARED_TOLERANCE * sizes)
+    if moved.size:
+        raise ModelError(
+            f"at t = {switched.switch_times[moved[0]]:.6g} s the equilibrium jumps along modes that no input moves, so that these"
+            " do not stay at rest there; plan on the switched plant as it is"
         )
 
 

@@ -47,7 +47,7 @@ class Certificate:
     moves in the time by which a and b, as numbers, may be off.
     output_error: largest sum of |C x + D u - wanted output| and |planned y - (C x + D u)|, relative to the peak of the wanted
     motion.
-    continuity: largest jump of a state at a breakpoint, relative to its peak.
+    continuity: largest jump of a state at a breakpoint (beyond that of the rest it is measured from), relative to its peak.
     rest_residual: largest distance of a state from rest (or from its bounded particular solution) at the ends of the trajectory,
     relative to its peak.
     """
@@ -75,7 +75,7 @@ class Certificate:
 def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseSignal, span: tuple[float, float]) -> Certificate:
     """Residuals of `trajectory` over `span` [s], from its values at off-grid points, one piece at a time.
 
-    `reference` holds the wanted output as deviation from the operating point.
+    `trajectory` and the wanted output `reference` are deviations from the rest of each interval.
 
     Raises PlanError for what is no such model, trajectory, reference or span.
     """
@@ -123,7 +123,7 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     return Certificate(
         dynamics_residual=float(np.max(np.maximum(np.abs(x_end - x_start - change) - moved, 0.0) / size)),
         output_error=float(np.max((np.abs(planned - wanted) + np.abs(inner[:, :, n + m :] - planned)) / wanted_size)),
-        continuity=_continuity(trajectory, size),
+        continuity=_continuity(model, trajectory, size),
         rest_residual=_rest_residual(trajectory, span, size),
     )
 
@@ -150,11 +150,13 @@ def _panels(trajectory: Trajectory, switch_times: Array, span: tuple[float, floa
     return np.concatenate(starts), np.concatenate(ends), np.concatenate(owners)
 
 
-def _continuity(trajectory: Trajectory, size: Array) -> float:
-    pieces = np.arange(len(trajectory.breakpoints))
-    left = trajectory(trajectory.breakpoints, pieces)[:, : len(size)]
-    right = trajectory(trajectory.breakpoints, pieces + 1)[:, : len(size)]
-    return float(np.max(np.abs(right - left) / size))
+def _continuity(model: SwitchedSystem, trajectory: Trajectory, size: Array) -> float:
+    times, n = np.union1d(trajectory.breakpoints, model.switch_times), len(size)
+    before, after = (np.searchsorted(trajectory.breakpoints, times, side=side) for side in ("left", "right"))
+    left, right = trajectory(times, before)[:, :n], trajectory(times, after)[:, :n]
+    shifts = np.zeros((len(times), n))
+    shifts[np.searchsorted(times, model.switch_times)] = model.shifts
+    return float(np.max(np.abs(right - left - shifts) / size))
 
 
 def _rest_residual(trajectory: Trajectory, span: tuple[float, float], size: Array) -> float:

@@ -71,7 +71,7 @@ def sampled_plan(
     """The plan at t_k = start + k / rate up to `end`: x_ref, y_d and planned y at t_k, u_ff for the time until t_(k+1).
 
     Headers are the names and units of the plan's model. x_ref is the deviation from the operating point that `plan` was planned
-    about; u_ff, y_d and y are absolute. At a breakpoint y_d, y and u are taken from its right.
+    about, that before all jumps; u_ff, y_d and y are absolute. At a breakpoint y_d, y and u are taken from its right.
 
     Args:
         plan: what is sampled.
@@ -151,7 +151,8 @@ def _notes(plan: Plan, rate: float, inputs: Inputs, t: Array) -> tuple[str, ...]
         f"method: {plan.method}",
         f"rate: {rate:.17g} Hz, {len(t)} rows from {t[0]:.17g} s to {t[-1]:.17g} s",
         f"u_ff: {inputs}: {meaning}",
-        "x_ref, y_d, y: at t_k; x_ref is the deviation from the operating point, the others are absolute; u = u_ff - K (x - x_ref)",
+        "x_ref, y_d, y: at t_k; x_ref is the deviation from the operating point before all jumps, the others are absolute; "
+        "u = u_ff - K (x - x_ref)",
         f"manoeuvre: {plan.manoeuvre[0]:.17g} s to {plan.manoeuvre[1]:.17g} s",
         f"preactuation: {plan.preactuation:.6g} s, postactuation: {plan.postactuation:.6g} s, to rest within "
         f"{plan.tolerance:.3g} of each peak",

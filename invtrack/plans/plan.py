@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import instance
-from invtrack.arrays import Array, Refusal
+from invtrack.arrays import Array, Indices, Refusal
 from invtrack.errors import PlanError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
 from invtrack.plans.ringing import Ringing
 from invtrack.plans.trajectory import Trajectory
-from invtrack.references.signal import PiecewiseSignal
+from invtrack.references.signal import PiecewiseSignal, finite_times
 
 Difference = Callable[[Array, Array], Array]
 
@@ -30,7 +30,7 @@ class Samples:
 
     Args:
         time: (m,) [s].
-        x: states (m, n), as deviations from the operating point.
+        x: states (m, n), as deviations from the operating point before all jumps.
         u: inputs (m, p), absolute.
         y, y_d: planned and wanted outputs (m, p), absolute.
     """
@@ -50,7 +50,7 @@ class Plan:
         method: its name.
         model: the plant that it was planned for.
         reference: the wanted output y_d.
-        trajectory: [x; u; y] as deviations from the operating point.
+        trajectory: [x; u; y] as deviations from the rest of the interval of the model in which each piece lies.
         manoeuvre: (T_i, T_f) [s], the hull of the reference's breakpoints and of the plant's jumps.
         preactuation, postactuation: how long before T_i and after T_f [s] the plan differs from rest by more than `tolerance`.
         tolerance: what counts as rest, as a share of the peak of each state and input.
@@ -127,26 +127,46 @@ class Plan:
         """Times [s] at which the plan is not smooth: switch times and the reference's breakpoints."""
         return self.trajectory.breakpoints
 
+    @cached_property
+    def _interval(self) -> Indices:
+        """The interval of the model in which each piece of the trajectory lies, by its middle (m + 2,)."""
+        return intervals_of_pieces(self.model, self.trajectory.breakpoints)
+
+    def _pieces(self, t: ArrayLike, inside: ArrayLike | None) -> tuple[Array, Indices, Indices]:
+        """Times (m,) [s], and of each its piece of the trajectory and its interval of the model."""
+        times, within = finite_times(t, inside)
+        piece = self.trajectory.locate(within)
+        return times, piece, self._interval[piece]
+
+    def departures(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Samples:
+        """Values at times t (m,) [s], all of them as deviations from the rest of the interval in force; see __call__."""
+        times, piece, interval = self._pieces(t, inside)
+        n, m = self.model.n_states, self.model.n_inputs
+        x, u, y = np.split(self.trajectory(times, piece), [n, n + m], axis=1)
+        return Samples(times, x, u, y, self.reference(times, inside=inside) - self.model.rest_outputs[interval])
+
     def states(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
-        """States (k, n) at times t (k,) [s], as deviations from the operating point; see __call__."""
-        return self.trajectory.at(t, inside, slice(0, self.model.n_states))
+        """States (k, n) at times t (k,) [s], as deviations from the operating point before all jumps; see __call__."""
+        times, piece, interval = self._pieces(t, inside)
+        return self.trajectory(times, piece, slice(0, self.model.n_states)) + self.model.rest_states[interval]
 
     def inputs(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """Inputs (k, m) at times t (k,) [s]; see __call__."""
-        n = self.model.n_states
-        return self.trajectory.at(t, inside, slice(n, n + self.model.n_inputs)) + self.model.operating_point.u0
+        times, piece, interval = self._pieces(t, inside)
+        n, m = self.model.n_states, self.model.n_inputs
+        return self.trajectory(times, piece, slice(n, n + m)) + self.model.rest_inputs[interval]
 
     def __call__(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Samples:
         """Values at times t (k,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""
-        values = self.trajectory.at(t, inside)
-        n, m, point = self.model.n_states, self.model.n_inputs, self.model.operating_point
-        times = np.atleast_1d(np.asarray(t, dtype=float))
+        times, piece, interval = self._pieces(t, inside)
+        n, m, model = self.model.n_states, self.model.n_inputs, self.model
+        x, u, y = np.split(self.trajectory(times, piece), [n, n + m], axis=1)
         return Samples(
             time=times,
-            x=values[:, :n],
-            u=values[:, n : n + m] + point.u0,
-            y=values[:, n + m :] + point.y0,
-            y_d=self.reference(times, inside=times if inside is None else np.broadcast_to(inside, times.shape)),
+            x=x + model.rest_states[interval],
+            u=u + model.rest_inputs[interval],
+            y=y + model.rest_outputs[interval],
+            y_d=self.reference(times, inside=inside),
         )
 
 
@@ -161,6 +181,13 @@ def dense_times(edges: Array) -> tuple[Array, Array]:
     count = max(LEAST_NODES, ALL_NODES // len(middle))
     nodes = np.cos(np.linspace(np.pi, 0.0, count))
     return (middle[:, None] + half[:, None] * nodes).ravel(), np.repeat(middle, count)
+
+
+def intervals_of_pieces(model: SwitchedSystem, edges: Array) -> Indices:
+    """The interval of the model in which each piece before, between and after the edges (m + 1,) lies, by its middle (m + 2,)."""
+    first = np.searchsorted(model.switch_times, edges[:1], side="left")
+    last = np.searchsorted(model.switch_times, edges[-1:], side="right")
+    return np.concatenate([first, model.interval(edges[:-1] + np.diff(edges) / 2), last])
 
 
 def require_plan(value: object, *, error: Refusal = PlanError) -> None:

@@ -18,7 +18,7 @@ from invtrack.plans.certificate import certify
 from invtrack.plans.plan import Plan
 from invtrack.plans.trajectory import Trajectory, away_from_rest
 from invtrack.references.profiles import constant
-from invtrack.references.signal import PiecewiseSignal
+from invtrack.references.signal import PiecewiseSignal, constant_generator
 
 PlanType = TypeVar("PlanType", bound=Plan)
 
@@ -36,8 +36,8 @@ class PlanningProblem:
     Args:
         plant: with any number of switch times.
         reference: the wanted output, absolute.
-        deviation: the reference as deviation from the operating point, with breakpoints at the jumps and wherever decaying modes
-            need them.
+        deviation: the reference as deviation from the output at which each interval is at rest, with breakpoints at the jumps and
+            wherever decaying modes need them.
         end_anchors: states of the deviation at the ends of its pieces (m + 2, q).
         tolerance: share of each peak that counts as rest.
         max_preactuation, max_postactuation: longest preactuation and postactuation [s], or None: unlimited.
@@ -86,8 +86,8 @@ class PlanningProblem:
 
     @property
     def asks_for_motion(self) -> bool:
-        """Whether the reference ever leaves the operating point."""
-        return bool(np.any(self.deviation.size(0) > AT_REST * self.reference.size(0)))
+        """Whether the reference ever leaves the outputs at rest, or a jump the state at rest."""
+        return bool(np.any(self.deviation.size(0) > AT_REST * self.reference.size(0)) or np.any(self.plant.shifts))
 
     def plan(
         self,
@@ -104,7 +104,7 @@ class PlanningProblem:
 
         Args:
             method: its name.
-            trajectory: [x; u; y] as deviations from the operating point.
+            trajectory: [x; u; y] as deviations from the rest of each interval.
             exact: whether y = y_d is one of its equations; None for what is no trajectory of the plant and is not to be judged.
             lasting: whether what is left after the manoeuvre is meant to ring on for ever; the plan then ends with the manoeuvre.
             remarks: what a user should know.
@@ -193,7 +193,20 @@ def decay_stops(reference: PiecewiseSignal) -> Array:
 
 
 def deviation_reference(plant: SwitchedSystem, reference: PiecewiseSignal) -> PiecewiseSignal:
-    """The reference as deviation from the operating point, with breakpoints at the jumps and wherever decaying modes need them."""
-    y_0 = plant.operating_point.y0
-    deviation = reference + constant(-y_0, at=reference.manoeuvre[0]) if np.any(y_0) else reference
+    """The reference as deviation from each interval's output at rest, with which a continuous one jumps.
+
+    It has breakpoints at the jumps and wherever decaying modes need them.
+    """
+    y_0 = plant.rest_outputs
+    deviation = reference
+    if np.any(y_0 != y_0[0]):
+        deviation = reference + steps(plant.switch_times, -y_0)
+    elif np.any(y_0):
+        deviation = reference + constant(-y_0[0], at=reference.manoeuvre[0])
     return deviation.refined([*plant.switch_times, *decay_stops(deviation)])
+
+
+def steps(times: Array, values: Array) -> PiecewiseSignal:
+    """Constant values (m + 1, p) before, between and after the times (m,) [s]."""
+    generator = constant_generator(values.shape[1])
+    return PiecewiseSignal(times, (generator,), np.zeros(len(values), dtype=np.intp), values)

@@ -19,7 +19,7 @@ from invtrack.files import read_table, write_table
 from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
-from invtrack.plans.plan import Plan
+from invtrack.plans.plan import Plan, intervals_of_pieces
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import PolynomialSegments, Trajectory
 from invtrack.references.profiles import piecewise_polynomial
@@ -44,7 +44,7 @@ class SampledPlan:
     Args:
         time: the instants (m,) [s].
         u_ff: feedforward (m, p) for the time after each instant, absolute; `notes` says which value of that time it is.
-        x_ref: states (m, n), as deviations from the operating point.
+        x_ref: states (m, n), as deviations from the operating point before all jumps.
         y_d, y: wanted and planned outputs (m, p), absolute.
         names: per array its channels, with [unit] where known.
         notes: comments for people who read the file.
@@ -139,12 +139,11 @@ def plan_from(samples: SampledPlan) -> Plan:
     origin = json.loads(samples.origin)
     model = _model_from(origin["model"])
     edges = np.append(samples.time, origin["end"])
-    point = model.operating_point
     return Plan(
         method=str(origin["method"]),
         model=model,
         reference=_wanted(samples.time, samples.y_d),
-        trajectory=_trajectory(model, edges, samples, held=origin["inputs"] != "sample", u_0=point.u0, y_0=point.y0),
+        trajectory=_trajectory(model, edges, samples, held=origin["inputs"] != "sample"),
         manoeuvre=(float(origin["manoeuvre"][0]), float(origin["manoeuvre"][1])),
         preactuation=float(origin["preactuation"]),
         postactuation=float(origin["postactuation"]),
@@ -163,19 +162,22 @@ def _wanted(time: Array, y_d: Array) -> PiecewiseSignal:
     return piecewise_polynomial(time, pieces)
 
 
-def _trajectory(model: SwitchedSystem, edges: Array, samples: SampledPlan, *, held: bool, u_0: Array, y_0: Array) -> Trajectory:
+def _trajectory(model: SwitchedSystem, edges: Array, samples: SampledPlan, *, held: bool) -> Trajectory:
     """Segments between the edges (m + 1,), m rows: Hermite cubics in x and y, constants or lines in u."""
     h, n, m = np.diff(edges)[:, None], model.n_states, model.n_inputs
-    u = samples.u_ff - u_0
-    u_end = u if held else np.vstack([u[1:], u[-1:]])
-    x, y = samples.x_ref, samples.y - y_0
-    interval = model.interval((edges[:-1] + edges[1:]) / 2)
+    pieces = intervals_of_pieces(model, edges)
+    rest = np.hstack([model.rest_states, model.rest_inputs, model.rest_outputs])[pieces]
+    interval = pieces[1:-1]
+    # All as deviations from the rest of the interval in which each row's middle lies, also where the row ends.
+    x_0, u_0, y_0 = np.split(rest[1:-1], [n, n + m], axis=1)
+    x, u, y = samples.x_ref - x_0, samples.u_ff - u_0, samples.y - y_0
+    u_end = u if held else np.vstack([samples.u_ff[1:], samples.u_ff[-1:]]) - u_0
     A, B, C, D = (np.array([getattr(system, name) for system in model.systems])[interval] for name in "ABCD")
     slopes_start = np.einsum("kij,kj->ki", A, x) + np.einsum("kij,kj->ki", B, u)
     # The last row has no next one: there the state goes on as the plant's equations say.
-    x_end = np.vstack([x[1:], x[-1:] + h[-1:] * slopes_start[-1:]])
+    x_end = np.vstack([samples.x_ref[1:] - x_0[:-1], x[-1:] + h[-1:] * slopes_start[-1:]])
     slopes_end = np.einsum("kij,kj->ki", A, x_end) + np.einsum("kij,kj->ki", B, u_end)
-    y_end = np.vstack([y[1:], (C[-1] @ x_end[-1] + D[-1] @ u_end[-1])[None]])
+    y_end = np.vstack([samples.y[1:] - y_0[:-1], (C[-1] @ x_end[-1] + D[-1] @ u_end[-1])[None]])
     rate = (u_end - u) / h
     slopes_y = [np.einsum("kij,kj->ki", C, s) + np.einsum("kij,kj->ki", D, rate) for s in (slopes_start, slopes_end)]
     coefficients = np.zeros((len(x), 4, n + m + model.n_outputs))
@@ -183,8 +185,8 @@ def _trajectory(model: SwitchedSystem, edges: Array, samples: SampledPlan, *, he
     coefficients[:, 0, n : n + m], coefficients[:, 1, n : n + m] = u, u_end - u
     coefficients[:, :, n + m :] = _hermite(y, y_end, h * slopes_y[0], h * slopes_y[1])
     count = np.arange(len(x))
-    first = np.concatenate([x[0], u[0], y[0]])
-    last = np.concatenate([x_end[-1], u_end[-1], y_end[-1]])
+    first = np.concatenate([x[0], u[0], y[0]]) + rest[1] - rest[0]
+    last = np.concatenate([x_end[-1], u_end[-1], y_end[-1]]) + rest[-2] - rest[-1]
     return Trajectory(
         breakpoints=edges,
         groups=(PolynomialSegments(coefficients, h[:, 0]),),
@@ -202,13 +204,11 @@ def _hermite(start: Array, end: Array, slope_start: Array, slope_end: Array) -> 
 
 
 def _model_as_json(model: SwitchedSystem) -> dict[str, Any]:
-    point, measurement = model.operating_point, model.systems[0].measurement
     return {
         "states": asdict(model.states),
         "inputs": asdict(model.inputs),
         "outputs": asdict(model.outputs),
-        "operating_point": {name: value.tolist() for name, value in asdict(point).items()},
-        "measurements": asdict(measurement.channels),
+        "measurements": asdict(model.measurements),
         "systems": [_system_as_json(system) for system in model.distinct],
         "numbers": model.numbers.tolist(),
         "switch_times": model.switch_times.tolist(),
@@ -222,6 +222,8 @@ def _system_as_json(system: StateSpace) -> dict[str, Any]:
     limits = [[float(limit) if math.isfinite(limit) else None for limit in pair] for pair in system.input_limits]
     return {
         **matrices,
+        "operating_point": {name: value.tolist() for name, value in asdict(system.operating_point).items()},
+        "rest": system.rest.tolist(),
         "input_limits": limits,
         "measurement": measurement,
         "parameters": dict(system.parameters),
@@ -231,7 +233,6 @@ def _system_as_json(system: StateSpace) -> dict[str, Any]:
 
 def _model_from(data: dict[str, Any]) -> SwitchedSystem:
     channels = {name: Channels(**data[name]) for name in ("states", "inputs", "outputs")}
-    point = OperatingPoint(**{name: _array(value) for name, value in data["operating_point"].items()})
     names = Channels(**data["measurements"])
 
     def system(entry: dict[str, Any]) -> StateSpace:
@@ -245,7 +246,8 @@ def _model_from(data: dict[str, Any]) -> SwitchedSystem:
             states=channels["states"],
             inputs=channels["inputs"],
             outputs=channels["outputs"],
-            operating_point=point,
+            operating_point=OperatingPoint(**{name: _array(value) for name, value in entry["operating_point"].items()}),
+            rest=entry["rest"],
             input_limits=[_range(pair) for pair in entry["input_limits"]],
             measurement=Measurement(C.reshape(shape[0]), D.reshape(shape[1]), names, y_0),
             parameters=entry["parameters"],

@@ -135,6 +135,7 @@ class TwoSidedProblem(Pieces):
         owner: the interval of the plant in which each piece lies (m + 2,).
         systems: of each interval (N + 1,).
         switch_times: breakpoints at which the systems change (N,) [s].
+        shifts: by how much what else is continuous jumps at each of them (N, m): with the rest from which states are measured.
         peaks: per switch the largest size anywhere of what the new system prescribes (rho,), since it may pass through zero there.
         ratios: size (m, m) that entry i of what is continuous has where entry j is 1 (`unit_ratios`); None: nothing is prescribed.
     """
@@ -142,6 +143,7 @@ class TwoSidedProblem(Pieces):
     owner: Indices
     systems: Sequence[TwoSidedSystem]
     switch_times: Array
+    shifts: Array
     peaks: Sequence[Array]
     ratios: Array | None = None
 
@@ -154,7 +156,7 @@ class TwoSidedProblem(Pieces):
         none = np.zeros((0, 0))
         conditions, checks, rows, sizes = [], [], [], [float(np.max(stretch.peaks, initial=0.0)) for stretch in stretches]
         for k, (left, right) in enumerate(itertools.pairwise(stretches)):
-            condition, check, count, size = _conditions(left, right, *self._joined(k), self.peaks[k], self.ratios)
+            condition, check, count, size = _conditions(left, right, *self._joined(k), self.shifts[k], self.peaks[k], self.ratios)
             conditions.append(condition)
             checks.append(check)
             rows.append(count)
@@ -201,6 +203,7 @@ def two_sided_problem(
     problem: PlanningProblem,
     models: Sequence[Driveable],
     *,
+    shifts: Array | None = None,
     peaks: Sequence[Array] | None = None,
     one_unit: bool = True,
 ) -> TwoSidedProblem:
@@ -209,6 +212,8 @@ def two_sided_problem(
     Args:
         problem: the plant and the reference.
         models: of each interval (N + 1,); those that recur share what is worked out.
+        shifts: by how much the states jump with their rest at each switch (N, n), where what is continuous begins with them; none
+            unless stated.
         peaks: see TwoSidedProblem; none where nothing is prescribed.
         one_unit: whether z_f and z_b are of one kind, to be compared with each other in one unit, and never in a smaller one.
     """
@@ -228,6 +233,7 @@ def two_sided_problem(
         owner=problem.owner,
         systems=[systems[k] for k in model],
         switch_times=problem.plant.switch_times,
+        shifts=_joined_shifts(problem, systems[0], shifts),
         driven=[each.in_units(*units, systems[k]) for each, (k, _) in zip(driven, pairs, strict=True)],
         which=which,
         w_start=reference.anchors,
@@ -235,6 +241,14 @@ def two_sided_problem(
         peaks=peaks or [np.zeros(0)] * len(problem.plant.switch_times),
         ratios=None if peaks is None else _ratios(problem, systems[0]),
     )
+
+
+def _joined_shifts(problem: PlanningProblem, system: TwoSidedSystem, shifts: Array | None) -> Array:
+    """Shifts of states (N, n), with which what is continuous begins; costates jump with nothing: (N, m)."""
+    found = np.zeros((len(problem.plant.switch_times), system.T.shape[1]))
+    if shifts is not None:
+        found[:, : shifts.shape[1]] = shifts
+    return found
 
 
 def _ratios(problem: PlanningProblem, system: TwoSidedSystem) -> Array:
@@ -328,12 +342,17 @@ def two_sided_trajectory(pieces: Pieces, z_f: Array, z_b: Array, first_b: Array,
 
 
 def _conditions(
-    left: Stretch, right: Stretch, w_left: Array, w_right: Array, peak: Array, ratios: Array | None
+    left: Stretch, right: Stretch, w_left: Array, w_right: Array, shift: Array, peak: Array, ratios: Array | None
 ) -> tuple[Conditions, tuple[int, float], int, float]:
-    """Continuity at a switch in the coordinates of the stretch after it, rows scaled to unit size; w_left, w_right: J_w w.
+    """Continuity, but for the shift, at a switch in the coordinates of the stretch after it, rows scaled to unit size.
 
     Besides, the compatibility row without unknowns that fails worst and by how much, the number of those with unknowns, and the
     size of the terms.
+
+    Args:
+        left, right: the stretches before and after the switch.
+        w_left, w_right: J_w w on both sides (m,).
+        shift, peak, ratios: see TwoSidedProblem.
     """
     before, after = left.system, right.system
     T, rho, n_f = after.T, after.prescribed, after.forward.size
@@ -341,7 +360,7 @@ def _conditions(
     known = before.forward.J @ left.forced[0][-1] + w_left
     rows_left = T @ np.hstack([before.forward.J @ E_f, before.backward.J])
     # The difference first: where nothing switches it is zero to the last bit, and so is what would grow out of it.
-    rhs = T @ (w_right - known)
+    rhs = T @ (w_right - known - shift)
     rhs[rho + n_f :] += right.forced[1][0]
     rows_right = np.zeros((len(T), n_f + after.backward.size))
     rows_right[rho : rho + n_f, :n_f] = -np.eye(n_f)
@@ -351,7 +370,7 @@ def _conditions(
         joined = comparable_size(joined, ratios)
     row_size = np.maximum(np.max(joined @ np.abs(T).T, axis=0, initial=0.0), np.finfo(float).tiny)
     wanted = np.maximum(np.abs(T[:rho] @ w_right), peak)
-    rhs_size = np.abs(T) @ np.abs(known) + np.concatenate([wanted, np.zeros(len(T) - rho)])
+    rhs_size = np.abs(T) @ (np.abs(known) + np.abs(shift)) + np.concatenate([wanted, np.zeros(len(T) - rho)])
     # Rows of what is prescribed that are the same on both sides hold no unknown: they are checked, not solved for.
     empty = np.zeros(len(T), dtype=bool)
     empty[:rho] = np.max(np.abs(rows_left[:rho]), axis=1, initial=0.0) <= SAME_ROW_TOLERANCE * row_size[:rho]

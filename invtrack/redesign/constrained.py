@@ -173,7 +173,8 @@ def _require_rest_within(tails: tuple[Tail, Tail], bounds: Sequence[Bound]) -> N
     """Raises RedesignError where the plan at rest lies outside a limit, or so near to one that nothing may move there."""
     for tail, when in zip(tails, ("before", "after"), strict=True):
         for bound in bounds:
-            rest = 0.0 if bound.kind == "input rate" else float(bound.row @ tail.held)
+            moved = bound.rest[0 if tail.direction < 0 else -1]
+            rest = 0.0 if bound.kind == "input rate" else float(bound.row @ tail.held + moved)
             if bound.excess(np.array(rest)) > -LEAST_MARGIN:
                 at, low, high = rest + bound.offset, bound.low + bound.offset, bound.high + bound.offset
                 raise RedesignError(

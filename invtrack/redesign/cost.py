@@ -138,6 +138,8 @@ def square_root(weight: Matrices) -> Matrices:
 def cost(plan: Plan, *, R: ArrayLike, Q_x: ArrayLike = 0.0, Q_y: ArrayLike) -> float:
     """Integral of (u - u0)'R (u - u0) + x'Q_x x + (y - y_d)'Q_y (y - y_d) from the plan's start to its end.
 
+    u0, and that from which x is measured, are the rest of the interval in force.
+
     plan: the plan of any method. Weights as in `quadratic_redesign`. Infinite where the plan goes on costing something before
     its start or after its end; otherwise what lies there is below the plan's tolerance, unless its preactuation was limited.
 
@@ -193,6 +195,6 @@ def graded_edges(breakpoints: Array, before: float, after: float) -> Array:
 
 
 def _deviations(plan: Plan, times: Array, inside: Array | None) -> tuple[Array, Array, Array]:
-    """What is weighed: states, inputs from the operating point, and output errors."""
-    at = plan(times, inside=inside)
-    return at.x, at.u - plan.model.operating_point.u0, at.y - at.y_d
+    """What is weighed: states and inputs from the rest of the interval in force, and output errors."""
+    at = plan.departures(times, inside=inside)
+    return at.x, at.u, at.y - at.y_d

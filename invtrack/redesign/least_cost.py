@@ -65,7 +65,8 @@ class LeastCost:
         self.weights.require_within(FARTHEST, error=PrecisionError)
         first, m = self.problems[0], self.problems[0].plant.n_inputs
         systems = self._systems()
-        if np.any(self.weights.Q_y):
+        shifts = np.hstack([problem.plant.shifts for problem in self.problems])
+        if np.any(self.weights.Q_y) or np.any(shifts):
             distinct = {id(system): system for system in systems}
             optima = {key: optimum(system, self.weights) for key, system in distinct.items()}
             models: Sequence[Driveable] = [optima[id(system)] for system in systems]
@@ -78,9 +79,10 @@ class LeastCost:
                 )
         else:  # where nothing is asked of the output, not to move (the Riccati equation may have no stabilizing solution)
             models = [_Rest(2 * self.n_states + m + len(self.weights.Q_y))] * len(systems)
-        trajectory = two_sided_problem(first, models, one_unit=False).solve().trajectory()
+        moved = shifts if np.any(shifts) else None
+        trajectory = two_sided_problem(first, models, shifts=moved, one_unit=False).solve().trajectory()
         self._require_free_holding(trajectory)
-        gap = Conditions(systems, first.owner, self.weights, first.deviation).gap(trajectory)
+        gap = Conditions(systems, first.owner, self.weights, first.deviation, self._allowed(shifts)).gap(trajectory)
         return Optimal(trajectory, gap.total)
 
     def split(self, values: Array) -> tuple[Array, Array, Array]:
@@ -113,6 +115,14 @@ class LeastCost:
         for models in together:
             found.setdefault(tuple(map(id, models)), TrackedSystem.of(models))
         return [found[tuple(map(id, models))] for models in together]
+
+    def _allowed(self, shifts: Array) -> Array:
+        """By how much the states may jump at each breakpoint (m + 1, k n), of what they do at each switch."""
+        problem = self.problems[0]
+        edges = problem.deviation.breakpoints
+        allowed = np.zeros((len(edges), self.n_states))
+        allowed[np.searchsorted(edges, problem.plant.switch_times)] = shifts
+        return allowed
 
     def _require_free_holding(self, trajectory: Trajectory) -> None:
         """Raises RedesignError where the plan goes on costing something at rest before or after the manoeuvre."""
@@ -153,7 +163,7 @@ def held_still(problem: PlanningProblem) -> PlanningProblem:
     Nothing then depends on the unit of the outputs, and held values that only rounding sets apart from the operating point are not
     held for ever. Raises TrajectoryError for a reference that goes on moving there.
     """
-    reference, y_0 = problem.deviation, problem.plant.operating_point.y0
+    reference = problem.deviation
     kind, anchors, end_anchors = reference.kind.copy(), reference.anchors.copy(), problem.end_anchors.copy()
     generators = list(reference.generators)
     for place, when in ((0, "before"), (-1, "after")):
@@ -165,7 +175,7 @@ def held_still(problem: PlanningProblem) -> PlanningProblem:
                 "over all of time is infinite; hold it still there, for instance with "
                 "invtrack.references.autonomous(..., start=, end=)"
             )
-        held = without_rounding(generator.R @ w, reference, y_0)
+        held = without_rounding(generator.R @ w, reference, problem.plant.rest_outputs[place])
         kind[place] = len(generators)
         generators.append(Generator(np.zeros((1, 1)), held[:, np.newaxis]))
         for states in (anchors, end_anchors):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -90,6 +90,8 @@ class Bound:
         high: largest value, or infinity.
         offset: the row's value at the operating point, so that absolute limits are low + offset and high + offset.
         unit: of the row's value, "" where it is not known.
+        switch_times: of the plant (N,) [s].
+        rest: the row's value where each interval is at rest, less that of the first (N + 1,).
     """
 
     name: str
@@ -99,11 +101,17 @@ class Bound:
     high: float
     offset: float = 0.0
     unit: str = ""
+    switch_times: Array = field(default_factory=lambda: np.zeros(0))
+    rest: Array = field(default_factory=lambda: np.zeros(1))
 
     @property
     def size(self) -> float:
         """The larger of its finite sides: what a miss is measured against."""
         return max(abs(side) for side in (self.low, self.high) if np.isfinite(side))
+
+    def rest_at(self, inside: Array) -> Array:
+        """What is to be added to deviations from the rest in force at these times [s], for them to be held against low and high."""
+        return np.asarray(self.rest[np.searchsorted(self.switch_times, inside, side="right")])
 
     def excess(self, values: Array) -> Array:
         """How far values lie outside, as a share of the size; negative inside."""
@@ -141,6 +149,8 @@ def bounds_of(limits: Limits, plant: SwitchedSystem) -> tuple[Bound, ...]:
                 high=float(high[i] - offset[i]),
                 offset=float(offset[i]),
                 unit=unit and unit + per,
+                switch_times=plant.switch_times,
+                rest=np.zeros(len(plant)) if kind == "input rate" else _rest_along(rows[first + i], plant),
             )
             for i, (channel, unit) in enumerate(zip(channels.names, channels.units, strict=True))
         ]
@@ -159,7 +169,14 @@ def _state_bound(limit: StateLimit, plant: SwitchedSystem) -> Bound:
     low, high = _sides(limit.name, limit.limit, 1, "combination of states")
     units = {unit for unit, weight in zip(plant.states.units, row, strict=False) if weight != 0}
     unit = units.pop() if len(units) == 1 else ""
-    return Bound(repr(limit.name), "path", row, float(low[0]), float(high[0]), unit=unit)
+    rest = _rest_along(row, plant)
+    return Bound(repr(limit.name), "path", row, float(low[0]), float(high[0]), 0.0, unit, plant.switch_times, rest)
+
+
+def _rest_along(row: Array, plant: SwitchedSystem) -> Array:
+    """A row's value where each interval is at rest, less that of the first (N + 1,)."""
+    rest = np.hstack([plant.rest_states, plant.rest_inputs, plant.rest_outputs]) @ row
+    return np.asarray(rest - rest[0])
 
 
 def _sides(name: str, value: Range, size: int, meaning: str) -> tuple[Array, Array]:

@@ -52,12 +52,14 @@ class Conditions:
         interval: the interval in which each piece of the trajectory lies (m + 2,).
         weights: of the cost.
         wanted: the wanted outputs as deviations, with the trajectory's breakpoints; held by every model of a system side by side.
+        shifts: by how much the states jump at each breakpoint with the rest that they are measured from (m + 1, n).
     """
 
     systems: Sequence[TrackedSystem]
     interval: Indices
     weights: Weights
     wanted: PiecewiseSignal
+    shifts: Array
 
     def gap(self, trajectory: Trajectory) -> DualityGap:
         """The gap between the trajectory's cost and the bound that its costate gives."""
@@ -104,7 +106,7 @@ class Conditions:
         at = np.arange(len(edges))
         left, right = trajectory(edges, at), trajectory(edges, at + 1)
         jump, mean = right - left, (left + right) / 2
-        work = np.sum(jump[:, -n:] * mean[:, :n], axis=1), np.sum(jump[:, :n] * mean[:, -n:], axis=1)
+        work = np.sum(jump[:, -n:] * mean[:, :n], axis=1), np.sum((jump[:, :n] - self.shifts) * mean[:, -n:], axis=1)
         return float(2 * np.sum(np.abs(work)))
 
     def _inside(self, piece: Indices) -> Array:

@@ -154,7 +154,7 @@ def outcome(plan: Plan, quantities: Mapping[str, StateRow] | None = None) -> Out
     rows = _rows(quantities, plan.model)
     times, inside = _dense_times(plan)
     at = plan(times.ravel(), inside=inside)
-    u = at.u - plan.model.operating_point.u0
+    u = plan.departures(times.ravel(), inside=inside).u
     power = np.sum(u**2, axis=1).reshape(times.shape)
     energy = float(np.sum(scipy.integrate.simpson(power, x=times, axis=1)))
     return Outcome(

@@ -58,7 +58,8 @@ def quadratic_redesign(
 ) -> OptimalTrajectory:
     """The trajectory of `model` that minimises what it costs to move and to miss the reference, over all of time.
 
-    integral of (u - u0)'R (u - u0) + x'Q_x x + (y - y_d)'Q_y (y - y_d), x' = A_k x + B_k (u - u0), x continuous through the jumps.
+    integral of (u - u0)'R (u - u0) + x'Q_x x + (y - y_d)'Q_y (y - y_d), x' = A_k x + B_k (u - u0), the state continuous through the
+    jumps; x and u - u0 are deviations from the rest of the interval in force, so a load that is held against gravity costs nothing.
     u = -K x - R^-1 B's with K from the Riccati equation and s' = -(A - B K)'s + C'Q_y y_d from the future, so the input acts before
     the manoeuvre. The plan's y is the redesigned output; `reference` stays the wanted one, and the certificate's output error is
     what lies between the two by design. Nothing is asked of the reference's smoothness.
@@ -127,14 +128,22 @@ def _plants(model: Any) -> list[SwitchedSystem]:
     first = plants[0]
     for number, plant in enumerate(plants[1:], start=1):
         alike = all(getattr(plant, kind).fits(getattr(first, kind)) for kind in ("states", "inputs", "outputs"))
-        if not alike or not plant.operating_point.agrees_with(first.operating_point):
+        if not alike:
             raise RedesignError(
-                f"model {number} of {len(plants)} differs from the first in its states, inputs, outputs or operating point; one "
-                "input for several models needs the same channels about the same operating point, and only other parameters"
+                f"model {number} of {len(plants)} differs from the first in its states, inputs or outputs; one input for several "
+                "models needs the same channels, and only other parameters"
             )
     times = np.unique(np.concatenate([plant.switch_times for plant in plants]))
     inside = np.concatenate([times[:1] - 1.0, (times[:-1] + times[1:]) / 2, times[-1:] + 1.0]) if len(times) else np.zeros(1)
-    return [SwitchedSystem([plant.systems[k] for k in plant.interval(inside)], times) for plant in plants]
+    together = [SwitchedSystem([plant.systems[k] for k in plant.interval(inside)], times) for plant in plants]
+    for number, plant in enumerate(together[1:], start=1):
+        pairs = zip(plant.systems, together[0].systems, strict=True)
+        if not all(a.operating_point.agrees_with(b.operating_point) for a, b in pairs):
+            raise RedesignError(
+                f"model {number} of {len(plants)} is at rest with another input or output than the first; one input for several "
+                "models needs the same operating point in all of them, and only other parameters"
+            )
+    return together
 
 
 def _shares(probabilities: ArrayLike | None, count: int) -> Array:

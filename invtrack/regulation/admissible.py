@@ -51,8 +51,9 @@ class InadmissibleState:
 class Jumps:
     """Discontinuities of a map at its breakpoints t_0 ... t_m, for an exosystem whose states are of comparable size.
 
-    times (m + 1,) [s]. jump (m + 1, n, q): G(t_k+) - G(t_k-), entries within rounding set to zero; size (m + 1, n, q): of G around
-    each breakpoint; Phi (m + 1, q, q): x_e(t_k) = Phi_k x_e(t_0). All for w x_e, the weighted states: see `visibility`.
+    times (m + 1,) [s]. jump (m + 1, n, q): G(t_k+) - G(t_k-) beyond what is allowed, entries within rounding set to zero; size
+    (m + 1, n, q): of G around each breakpoint; Phi (m + 1, q, q): x_e(t_k) = Phi_k x_e(t_0). All for w x_e, the weighted states:
+    see `visibility`.
     """
 
     times: Array
@@ -60,14 +61,26 @@ class Jumps:
     size: Array
     Phi: Array
 
+    def of_states(self, count: int) -> Jumps:
+        """Those of the first states alone, which the others do not drive."""
+        return Jumps(self.times, self.jump[:, :, :count], self.size[:, :, :count], self.Phi[:, :count, :count])
+
     @property
     def where(self) -> list[int]:
         """Numbers of the breakpoints at which anything jumps."""
         return np.flatnonzero(np.any(self.jump, axis=(1, 2))).tolist()
 
 
-def map_jumps(trajectory: Trajectory, exosystem: Exosystem, plant: SwitchedSystem, weights: Array) -> Jumps:
-    """Jumps of G (n, q), from its values on both sides of each breakpoint, for the exosystem's states times `weights` (q,)."""
+def map_jumps(trajectory: Trajectory, exosystem: Exosystem, plant: SwitchedSystem, weights: Array, allowed: Array) -> Jumps:
+    """Jumps of G (n, q), from its values on both sides of each breakpoint, for the exosystem's states times `weights` (q,).
+
+    Args:
+        trajectory: G and F row by row, one above the other.
+        exosystem: what drives the map, not weighted.
+        plant: the plant.
+        weights: of the exosystem's states (q,).
+        allowed: jumps that do not count (m + 1, n, q), see `rest_jumps`.
+    """
     exosystem, w = exosystem.weighted(weights), column_weights(weights)
     n, q, edges = plant.n_states, exosystem.n_states, trajectory.breakpoints
     sides = np.arange(len(edges))
@@ -76,7 +89,7 @@ def map_jumps(trajectory: Trajectory, exosystem: Exosystem, plant: SwitchedSyste
     left, right = (trajectory(edges, sides + side, rows).reshape(-1, n, q) / w for side in (0, 1))
     inner = np.abs(trajectory(middles, np.arange(len(middles)), rows).reshape(-1, n, q)) / w
     around = np.maximum(np.maximum(np.abs(left), np.abs(right)), np.maximum(inner[:-1], inner[1:]))
-    size, jump = entry_sizes(around, unit_ratios(plant)), right - left
+    size, jump = entry_sizes(around, unit_ratios(plant)), right - left - allowed
     steps = [exosystem.transition(a, b) for a, b in itertools.pairwise(edges.tolist())]
     Phi = np.array(list(itertools.accumulate(steps, lambda so_far, step: step @ so_far, initial=np.eye(q))))
     return Jumps(edges, np.where(np.abs(jump) > JUMP_TOLERANCE * size, jump, 0.0), size, Phi)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 
 from invtrack.arrays import Array, Indices, require_share
 from invtrack.errors import PlanError, TrajectoryError
@@ -25,6 +26,7 @@ from invtrack.regulation.admissible import (
     largest_jump,
     map_jumps,
 )
+from invtrack.regulation.equilibria import driver_weights, require_rest_passed, rest_jumps, with_equilibria
 from invtrack.regulation.map_certificate import certify_map
 from invtrack.regulation.map_pieces import (
     MapPiece,
@@ -33,7 +35,6 @@ from invtrack.regulation.map_pieces import (
     map_breakpoints,
     map_pieces,
     unweighted,
-    visibility,
 )
 from invtrack.regulation.regulation_map import PlanPieces, RegulationMap
 
@@ -65,31 +66,36 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
     require_outputs(plant, exosystem)
     splits = hyperbolic_splits(plant)
     breakpoints = map_breakpoints(plant, exosystem)
-    weights = visibility(exosystem, plant)
-    pieces, kind = map_pieces(plant, splits, exosystem, breakpoints, weights)
+    driver, weights = with_equilibria(exosystem, plant, origin=plant.rest_outputs[0]), driver_weights(exosystem, plant)
+    pieces, kind = map_pieces(plant, splits, driver, breakpoints, weights)
+    shifts = rest_jumps(plant, breakpoints, weights)
     unit = max(1.0, *drive_units([piece.driven for piece in pieces]))
-    solution = _map_problem(pieces, kind, breakpoints, unit, unit_ratios(plant)).solve()
+    solution = _map_problem(pieces, kind, breakpoints, shifts, unit, unit_ratios(plant)).solve()
     trajectory = solution.trajectory()
-    jumps = map_jumps(trajectory, exosystem, plant, weights)
+    all_jumps, q = map_jumps(trajectory, driver, plant, weights, shifts), exosystem.n_states
+    require_rest_passed(all_jumps, plant, q)
+    jumps = all_jumps.of_states(q)
     admissible = admissible_states(jumps)
+    passed = scipy.linalg.block_diag(admissible, np.eye(driver.n_states - q))
     manoeuvre = (float(breakpoints[0]), float(breakpoints[-1]))
     preactuation, postactuation, _ = actuation_times(trajectory, manoeuvre, tolerance)
     certificate = certify_map(
         plant,
-        exosystem,
+        driver,
         trajectory,
         (_finite(breakpoints[0], -preactuation), _finite(breakpoints[-1], postactuation)),
         weights=weights,
-        boundary_residual=_boundary(trajectory, pieces, kind, jumps, admissible),
-        continuity=largest_jump(jumps, admissible),
+        boundary_residual=_boundary(trajectory, pieces, kind, all_jumps, passed, shifts),
+        continuity=largest_jump(all_jumps, passed),
     )
     certificate.require()
-    free = solution.boundary.freedom // exosystem.n_states
+    free = solution.boundary.freedom // driver.n_states
     remarks = (f"the bounded map is not unique ({free} free direction(s)); the one of least norm was taken",) if free else ()
     return RegulationMap(
         method="exosystem map",
         model=plant,
         exosystem=exosystem,
+        driver=driver,
         trajectory=trajectory,
         pieces=_plan_pieces(pieces, solution, unit),
         manoeuvre=manoeuvre,
@@ -97,8 +103,8 @@ def exosystem_map(model: Any, exosystem: Exosystem, *, tolerance: float = 1e-10)
         postactuation=postactuation,
         tolerance=tolerance,
         weights=weights,
-        admissible=unweighted(admissible, weights),
-        inadmissible=inadmissible_states(plant, jumps, exosystem.names, admissible, weights),
+        admissible=unweighted(admissible, weights[:q]),
+        inadmissible=inadmissible_states(plant, jumps, exosystem.names, admissible, weights[:q]),
         directions_left=directions_left(jumps),
         certificate=certificate,
         remarks=remarks,
@@ -121,11 +127,20 @@ def _finite(edge: float, away: float) -> float:
     return float(edge + away) if np.isfinite(away) else float(edge)
 
 
-def _map_problem(pieces: Sequence[MapPiece], kind: Indices, breakpoints: Array, unit: float, ratios: Array) -> TwoSidedProblem:
+def _map_problem(
+    pieces: Sequence[MapPiece], kind: Indices, breakpoints: Array, shifts: Array, unit: float, ratios: Array
+) -> TwoSidedProblem:
     """The equations of vec(Z_s), vec(Z_u), with N G continuous at every breakpoint and every piece an interval of its own.
 
     Rows of C* that hold unknowns (outputs that change with the plant) are conditions, the others are what decides which exosystem
     states are admissible.
+
+    Args:
+        pieces, kind: the distinct pieces, and which of them lies before, between and after the breakpoints.
+        breakpoints: those of the map (m + 1,) [s].
+        shifts: jumps of G that are not to count (m + 1, n, q).
+        unit: in which Z_s and Z_u are measured.
+        ratios: of the plant's states, see `unit_ratios`.
     """
     driven = [piece.driven.in_units(unit, unit, piece.driven.system.in_units(unit, unit)) for piece in pieces]
     ones = np.ones((len(kind), 1))
@@ -138,6 +153,7 @@ def _map_problem(pieces: Sequence[MapPiece], kind: Indices, breakpoints: Array, 
         owner=np.arange(len(kind)),
         systems=[driven[k].system for k in kind],
         switch_times=breakpoints,
+        shifts=shifts.reshape(len(breakpoints), -1),
         peaks=[np.zeros(driven[k].system.prescribed) for k in kind[1:]],
         ratios=np.asarray(np.kron(ratios, np.eye(len(pieces[0].A_e))), dtype=float),
     )
@@ -159,16 +175,26 @@ def _plan_pieces(pieces: Sequence[MapPiece], solution: TwoSidedSolution, unit: f
     )
 
 
-def _boundary(trajectory: Trajectory, pieces: Sequence[MapPiece], kind: Indices, jumps: Jumps, admissible: Array) -> float:
+def _boundary(
+    trajectory: Trajectory, pieces: Sequence[MapPiece], kind: Indices, jumps: Jumps, admissible: Array, shifts: Array
+) -> float:
     """How far Z_s is from its particular solution just after the first breakpoint, and Z_u from its own just before the last one.
 
     From values of G inside the manoeuvre, on the admissible (weighted) states; where the plant is the same on both sides on all.
+
+    Args:
+        trajectory: G and F row by row, one above the other.
+        pieces, kind: the distinct pieces, and which of them lies before, between and after the breakpoints.
+        jumps: those of G.
+        admissible: basis of the admissible states (q, d).
+        shifts: jumps of G that do not count (m + 1, n, q).
     """
     edges, worst = trajectory.breakpoints, 0.0
     for end, inside, part in ((0, 1, 0), (-1, len(kind) - 2, 1)):
         piece, q = pieces[kind[end]], len(admissible)
         n, w = len(piece.split.internal.form.V), column_weights(piece.weights)
         values = trajectory(edges[[end]], np.array([inside]), slice(0, n * q)).reshape(n, q) / w
+        values += shifts[end] if end else -shifts[end]  # as it is on the other side
         states = np.eye(q)
         if pieces[kind[inside]].split is not piece.split:
             states = jumps.Phi[end] @ admissible

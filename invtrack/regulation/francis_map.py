@@ -15,10 +15,11 @@ from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import Pieces, two_sided_trajectory
 from invtrack.references.exosystem import Exosystem
 from invtrack.regulation.admissible import admissible_states, directions_left, inadmissible_states, largest_jump, map_jumps
+from invtrack.regulation.equilibria import driver_weights, rest_jumps, with_equilibria
 from invtrack.regulation.exosystem_map import require_outputs
 from invtrack.regulation.francis import francis
 from invtrack.regulation.map_certificate import certify_map
-from invtrack.regulation.map_pieces import inner_times, map_breakpoints, unweighted, visibility
+from invtrack.regulation.map_pieces import inner_times, map_breakpoints, unweighted
 from invtrack.regulation.regulation_map import PlanPieces, RegulationMap
 
 
@@ -52,32 +53,37 @@ def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem
     require_outputs(plant, exosystem)
     breakpoints = map_breakpoints(plant, exosystem)
     middles = inner_times(breakpoints)
-    weights = visibility(exosystem, plant)
-    comparable = exosystem.weighted(weights)
-    q = exosystem.n_states
+    driver, weights = with_equilibria(exosystem, plant, origin=plant.rest_outputs[0]), driver_weights(exosystem, plant)
+    comparable = driver.weighted(weights)
+    q, q_d, n_u = exosystem.n_states, driver.n_states, plant.n_states + plant.n_inputs
     maps: list[DrivenSystem] = []
     plans: list[DrivenSystem] = []
-    found: dict[tuple[int, int], int] = {}
+    found: dict[tuple[int, int, int], int] = {}
     kind = np.empty(len(middles), dtype=np.intp)
-    for j, (k, e) in enumerate(zip(assumed.interval(middles).tolist(), exosystem.interval(middles).tolist(), strict=True)):
-        key = (int(assumed.numbers[k]), int(exosystem.numbers[e]))
+    for j, (k, e) in enumerate(zip(plant.interval(middles).tolist(), driver.interval(middles).tolist(), strict=True)):
+        key = (int(assumed.numbers[k]), int(plant.numbers[k]), int(driver.numbers[e]))
         if key not in found:
             found[key] = len(maps)
-            rows = _rows(assumed.systems[k], comparable.A[e], comparable.C[e])
-            n_u = assumed.n_states + assumed.n_inputs
+            rest = _rest_apart(assumed.systems[k], plant.systems[k])[:, np.newaxis] / weights[q:]  # without a column, or with one
+            C_e = comparable.C[e].copy()
+            C_e[:, q:] -= rest[n_u:]
+            rows = _rows(assumed.systems[k], comparable.A[e], C_e)
+            rows[:, q:] += rest
             maps.append(_static((rows[:n_u] * weights).reshape(-1, 1), np.zeros((1, 1))))
             plans.append(_static(rows, comparable.A[e]))
         kind[j] = found[key]
     ones, none = np.ones((len(kind), 1)), np.zeros((len(kind) - 2, 0))
     trajectory = two_sided_trajectory(Pieces(breakpoints, maps, kind, ones, ones), none, none, none[:0].ravel(), none[:0].ravel())
-    empty, edge = np.zeros((len(kind) - 2, 0, q)), np.zeros((0, q))
-    jumps = map_jumps(trajectory, exosystem, plant, weights)
+    empty, edge = np.zeros((len(kind) - 2, 0, q_d)), np.zeros((0, q_d))
+    all_jumps = map_jumps(trajectory, driver, plant, weights, rest_jumps(plant, breakpoints, weights))
+    jumps = all_jumps.of_states(q)
     admissible = admissible_states(jumps)
     manoeuvre = (float(breakpoints[0]), float(breakpoints[-1]))
     return RegulationMap(
         method=method,
         model=plant,
         exosystem=exosystem,
+        driver=driver,
         trajectory=trajectory,
         pieces=PlanPieces(tuple(plans), kind, empty, empty, edge, edge),
         manoeuvre=manoeuvre,
@@ -85,20 +91,26 @@ def _map_of(plant: SwitchedSystem, assumed: SwitchedSystem, exosystem: Exosystem
         postactuation=0.0,
         tolerance=0.0,
         weights=weights,
-        admissible=unweighted(admissible, weights),
-        inadmissible=inadmissible_states(plant, jumps, exosystem.names, admissible, weights),
+        admissible=unweighted(admissible, weights[:q]),
+        inadmissible=inadmissible_states(plant, jumps, exosystem.names, admissible, weights[:q]),
         directions_left=directions_left(jumps),
         certificate=certify_map(
             plant,
-            exosystem,
+            driver,
             trajectory,
             manoeuvre,
             weights=weights,
             boundary_residual=0.0,
-            continuity=largest_jump(jumps, np.eye(len(weights))),
+            continuity=largest_jump(all_jumps, np.eye(len(weights))),
         ),
         remarks=("jumps where the plant or the exosystem switches: no trajectory of the plant, but what is usually aimed at",),
     )
+
+
+def _rest_apart(assumed: StateSpace, real: StateSpace) -> Array:
+    """[x; u; y] (n + 2 p,) at which the one is at rest, less that of the other."""
+    at = [np.concatenate([system.rest, system.operating_point.u0, system.operating_point.y0]) for system in (assumed, real)]
+    return np.asarray(at[0] - at[1])
 
 
 def _rows(system: StateSpace, A_e: Array, C_e: Array) -> Array:

@@ -60,14 +60,16 @@ class RegulationMap:
     """x_d(t) = G(t) x_e(t), u_d(t) = F(t) x_e(t), for all states of an exosystem at once, on all of time.
 
     G' = A_y G - G A_e + B G_k C_e*, F = F_k G + G_k C_e* (Devasia, Paden, Rossi 1996, eq. 17), for a map of the method "exosystem
-    map"; constant between breakpoints and discontinuous at them for the Francis regulators. x_d, u_d and y_d = C_e x_e are
-    deviations from the plant's operating point.
+    map"; constant between breakpoints and discontinuous at them for the Francis regulators. y_d = C_e x_e is the deviation from the
+    plant's operating point before all jumps, x_d and u_d are those from `x_rest` and `u_rest`, what the map makes of x_e = 0: the
+    operating point, unless a jump of the plant moves its equilibrium.
 
     Args:
         method: its name.
         model: the plant.
         exosystem: the one whose states are mapped.
-        trajectory: G and F row by row, one above the other.
+        driver: what drives the map: the exosystem, with a state that stays at 1 where the plant's equilibria differ.
+        trajectory: G and F row by row, one above the other, for the driver's states.
         pieces: what makes plans from the exosystem's states.
         manoeuvre: (T_i, T_f), first and last breakpoint [s].
         preactuation, postactuation: how long [s] before T_i and after T_f G and F differ by more than `tolerance` from their
@@ -86,6 +88,7 @@ class RegulationMap:
     method: str
     model: SwitchedSystem
     exosystem: Exosystem
+    driver: Exosystem
     trajectory: Trajectory
     pieces: PlanPieces
     manoeuvre: tuple[float, float]
@@ -116,25 +119,46 @@ class RegulationMap:
 
     def x_map(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """G (m, n, q) at times t (m,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""
-        n = self.model.n_states
-        return self._rows(t, inside, 0, n)
+        n, q = self.model.n_states, self.exosystem.n_states
+        return self._rows(t, inside, 0, n)[:, :, :q]
 
     def u_map(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """F (m, p, q) at times t (m,) [s]; see x_map."""
-        n = self.model.n_states
-        return self._rows(t, inside, n, n + self.model.n_inputs)
+        n, m, q = self.model.n_states, self.model.n_inputs, self.exosystem.n_states
+        return self._rows(t, inside, n, n + m)[:, :, :q]
+
+    def x_rest(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
+        """States (m, n) for x_e = 0, as deviations from the operating point before all jumps; see x_map."""
+        return self._rest(t, inside, self.model.rest_states, 0)
+
+    def u_rest(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
+        """Inputs (m, p) for x_e = 0, absolute; see x_map."""
+        return self._rest(t, inside, self.model.rest_inputs, self.model.n_states)
+
+    def _rest(self, t: ArrayLike, inside: ArrayLike | None, rest: Array, first: int) -> Array:
+        """Rest (N + 1, k) of the interval in force, with what the driver's last state adds in the rows from the first one on."""
+        times, within = self._times(t, inside)
+        at = rest[self.model.interval(within)]
+        if self.driver is self.exosystem:
+            return at
+        return np.asarray(at + self._rows(times, within, first, first + rest.shape[1])[:, :, -1])
 
     def _rows(self, t: ArrayLike, inside: ArrayLike | None, first: int, last: int) -> Array:
-        q = self.exosystem.n_states
+        """Rows of [G; F] for the driver's states (m, rows, q)."""
+        times, within = self._times(t, inside)
+        q = self.driver.n_states
+        values = self.trajectory(times, self.trajectory.locate(within), slice(first * q, last * q))
+        return values.reshape(len(times), last - first, q)
+
+    def _times(self, t: ArrayLike, inside: ArrayLike | None) -> tuple[Array, Array]:
+        """Times (m,) [s], and as many inside the pieces meant."""
         times = np.atleast_1d(real_numbers("times [s]", t))
         if times.ndim != 1 or not np.all(np.isfinite(times)):
             raise TrajectoryError(f"expected finite times (m,) [s], got {shown(t)}")
         within = times if inside is None else real_numbers("times inside pieces [s]", inside)
         if within.shape not in ((), times.shape) or not np.all(np.isfinite(within)):
             raise TrajectoryError(f"inside must name a finite time [s] for each of the {len(times)} times, got {shown(inside)}")
-        within = np.broadcast_to(within, times.shape)
-        values = self.trajectory(times, self.trajectory.locate(within), slice(first * q, last * q))
-        return values.reshape(len(times), last - first, q)
+        return times, np.broadcast_to(within, times.shape)
 
     def inadmissible_share(self, x_e: ArrayLike, *, at: float | None = None) -> float:
         """Share of x_e (q,), given at time `at` [s] (default T_i), that lies outside the admissible states, both weighted."""
@@ -160,9 +184,11 @@ class RegulationMap:
             )
         # At T_i, a breakpoint of the plan: its reference is to have no breakpoint that it does not know.
         x_0, T_i = self._at_start(x_e, at), self.manoeuvre[0]
-        deviation = self._comparable.reference(x_0, at=T_i).refined(self.breakpoints)
-        trajectory = self.pieces.trajectory(self.breakpoints, self._comparable.states(x_0, T_i, self.breakpoints))
-        reference = _absolute(deviation, self.model.operating_point.y0)
+        driving = np.append(x_0, self._all_sizes[len(x_0) :])
+        comparable = self.driver.weighted(self.weights)
+        deviation = comparable.reference(driving, at=T_i).refined(self.breakpoints)
+        trajectory = self.pieces.trajectory(self.breakpoints, comparable.states(driving, T_i, self.breakpoints))
+        reference = _absolute(self._comparable.reference(x_0, at=T_i).refined(self.breakpoints), self.model.operating_point.y0)
         problem = PlanningProblem(self.model, reference, deviation, deviation.end_anchors(), self.tolerance, None, None)
         return problem.plan(self.method, trajectory, exact=None, remarks=self.remarks)
 
@@ -175,14 +201,19 @@ class RegulationMap:
         return f"{'; '.join(map(str, self.inadmissible))}; of {q} directions of the exosystem's state the conditions {lost}"
 
     @cached_property
-    def _sizes(self) -> Array:
-        """What the exosystem's states are multiplied with to be comparable (q,): their weights, 1 for one that never shows."""
+    def _all_sizes(self) -> Array:
+        """What the driver's states are multiplied with to be comparable: their weights, 1 for one that never shows."""
         return np.where(self.weights > 0, self.weights, 1.0)
+
+    @property
+    def _sizes(self) -> Array:
+        """Those of the exosystem's states (q,)."""
+        return self._all_sizes[: self.exosystem.n_states]
 
     @cached_property
     def _comparable(self) -> Exosystem:
         """The exosystem of the weighted states."""
-        return self.exosystem.weighted(self.weights)
+        return self.exosystem.weighted(self.weights[: self.exosystem.n_states])
 
     def _at_start(self, x_e: ArrayLike, at: float | None) -> Array:
         """The weighted state (q,) at T_i."""

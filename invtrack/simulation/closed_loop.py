@@ -142,9 +142,9 @@ def simulate(
 
 
 def _state(plant: SimulatedPlant, initial_state: ArrayLike | None) -> Array:
-    """The state (n,) to start in: at rest at the operating point unless given."""
+    """The state (n,) to start in: at rest unless given."""
     n = len(plant.states)
-    x_0 = np.zeros(n) if initial_state is None else real_numbers("initial_state", initial_state, error=SimulationError)
+    x_0 = plant.rest if initial_state is None else real_numbers("initial_state", initial_state, error=SimulationError)
     if x_0.shape != (n,) or not np.all(np.isfinite(x_0)):
         raise SimulationError(f"initial_state must be finite, ({n},): {plant.states}; got shape {x_0.shape}, {x_0.tolist()}")
     return x_0

@@ -50,6 +50,7 @@ def linear_plant(plant: LinearPlant) -> SimulatedPlant:
         outputs=model.outputs,
         measurements=model.measurements,
         operating_point=model.operating_point,
+        rest=model.rest_states[0],
         input_limits=plant.input_limits,
         stepper=lambda x, parameters: LinearStepper(plant, x),
         breakpoints=model.switch_times,
@@ -57,7 +58,7 @@ def linear_plant(plant: LinearPlant) -> SimulatedPlant:
 
 
 class LinearStepper:
-    """Exact steps with a held input, x <- A_d x + B_d u; with an input evaluated at every stage, steps of RK4."""
+    """Exact steps with a held input, x - rest <- A_d (x - rest) + B_d (u - u0), or RK4 with the input evaluated at every stage."""
 
     raw_is_deviation = True
 
@@ -92,12 +93,13 @@ class LinearStepper:
 
     def refresh(self) -> None:
         """Bring `sensors` up to the present state and input."""
-        self._sense(np.concatenate([self._x, self._deviation(self.control)]))
+        self._sense(np.concatenate([self._x - self._system.rest, self._deviation(self.control)]))
 
     def _advance(self) -> None:
-        together = np.concatenate([self._x, self._deviation(self.control)])
+        rest = self._system.rest
+        together = np.concatenate([self._x - rest, self._deviation(self.control)])
         self._sense(together)
-        self._x[:] = self._transition @ together
+        self._x[:] = rest + self._transition @ together
 
     def _deviation(self, u: Array) -> Array:
         return np.asarray(np.clip(u, self._low, self._high) - self._system.operating_point.u0)
@@ -130,7 +132,7 @@ class LinearStepper:
         for instant, share in ((0, 0.0), (1, 0.5), (1, 0.5), (2, 1.0)):
             state = x + share * h * rates[-1] if rates else x
             inputs.append(law.update(3 * index + instant, state))
-            rates.append(system.A @ state + system.B @ self._deviation(inputs[-1]))
+            rates.append(system.A @ (state - system.rest) + system.B @ self._deviation(inputs[-1]))
         self.control[:] = inputs[0]
         self.refresh()
         self._x[:] = x + h / 6 * (rates[0] + 2 * rates[1] + 2 * rates[2] + rates[3])

@@ -37,6 +37,7 @@ def mujoco_plant(plant: Plant) -> SimulatedPlant:
         outputs=plant.outputs,
         measurements=plant.measurements,
         operating_point=plant.operating_point,
+        rest=np.zeros(plant.n_states),
         input_limits=plant.input_limits,
         stepper=partial(MujocoStepper, plant),
         binary=partial(_binary, plant),

@@ -14,7 +14,7 @@ from invtrack.control.protocol import Controller, Instants
 from invtrack.control.tracking_controller import PlanFollower
 from invtrack.errors import SimulationError
 from invtrack.linear.propagation import zero_order_hold
-from invtrack.linear.switched import SwitchedSystem
+from invtrack.linear.switched import SAME_POINT, SwitchedSystem
 from invtrack.plans.actuation import peak_departure
 from invtrack.plans.input_tail import input_tail
 from invtrack.plans.tail import SIDES
@@ -47,7 +47,8 @@ def require_fit(plant: SimulatedPlant, controller: Controller, evaluate: str) ->
         planned, real = getattr(model, kind), getattr(plant, kind)
         if not planned.fits(real):
             raise SimulationError(f"the plan's {kind} are {planned}, the plant's are {real}; plan for invtrack.linearize(plant)")
-    if not model.operating_point.agrees_with(plant.operating_point):
+    rests_alike = np.allclose(model.rest_states[0], plant.rest, rtol=SAME_POINT, atol=SAME_POINT)
+    if not (model.operating_point.agrees_with(plant.operating_point) and rests_alike):
         raise SimulationError("the plan was made about another operating point than the plant's; linearize this plant")
     one_of("evaluate", evaluate, ("held", "stages"), error=SimulationError)
     if evaluate == "stages" and not (controller.stateless and controller.period is None):
@@ -108,7 +109,8 @@ def warn_of_start(plant: SimulatedPlant, controller: Controller) -> None:
     """Say that the plant, which starts at its operating point, is not where the plan begins."""
     plan = controller.plan
     first, whole = plan(plan.start), plan(np.linspace(plan.start, plan.end, PLAN_SAMPLES))
-    if not np.any(_far(first.x[0], whole.x)):
+    rest = plant.rest
+    if not np.any(_far(first.x[0] - rest, whole.x - rest)):
         return
     y_0 = plan.model.operating_point.y0
     if np.any(_far(first.y[0] - y_0, whole.y - y_0)):

@@ -79,6 +79,7 @@ class SimulatedPlant:
         integrator: what its steps are computed with.
         states, inputs, outputs, measurements: their `Channels`.
         operating_point: what states are deviations from.
+        rest: the state in which it is at rest before anything changes (n,).
         input_limits: lowest and highest value of each input that the actuator passes on (p, 2).
         stepper: makes a stepper that starts at a state x (n,) with given parameter values.
         binary: makes the compiled MuJoCo model with given parameter values, for the 3-D scene; empty where there is none.
@@ -95,6 +96,7 @@ class SimulatedPlant:
     outputs: Channels
     measurements: Channels
     operating_point: OperatingPoint
+    rest: Array
     input_limits: Array
     stepper: Callable[[Array, Mapping[str, float]], Stepper]
     binary: Callable[[Mapping[str, float]], bytes] = lambda parameters: b""

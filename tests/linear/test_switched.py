@@ -16,8 +16,13 @@ LIGHT, HEAVY = StateSpace(*cantilever_paper(0.0)), StateSpace(*cantilever_paper(
 SMALL = StateSpace([[-1.0]], [[1.0]], [[1.0]])
 
 
-def about(u0: float, y0: float) -> StateSpace:
-    return StateSpace(LIGHT.A, LIGHT.B, LIGHT.C, operating_point=OperatingPoint(np.zeros(6), np.array([u0]), np.array([y0])))
+def about(x0: list[float], u0: float, y0: float) -> StateSpace:
+    return StateSpace(LIGHT.A, LIGHT.B, LIGHT.C, operating_point=OperatingPoint(np.array(x0), np.array([u0]), np.array([y0])))
+
+
+def mechanism(angle: float) -> StateSpace:
+    """Measured from a configuration with a quaternion: one number more than the state has."""
+    return about([np.cos(angle / 2), np.sin(angle / 2), 0.0, 0.0, 0.0, 0.0, 0.0], 0.0, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -35,8 +40,11 @@ def about(u0: float, y0: float) -> StateSpace:
             lambda: SwitchedSystem([LIGHT, StateSpace(LIGHT.A, LIGHT.B, LIGHT.C, outputs=["tip"])], [1.0]),
             "interval 1 has the outputs tip, interval 0 has y1",
         ),
-        (lambda: SwitchedSystem([about(1.0, 0.0), about(2.0, 0.0)], [1.0]), "another operating point"),
-        (lambda: SwitchedSystem([about(1.0, 0.0), about(1.0, 3.0)], [1.0]), r"y0 \[3.0\] against \[0.0\]"),
+        (lambda: SwitchedSystem([LIGHT, mechanism(1.0)], [1.0]), "interval 1 measures its states from the x0"),
+        (
+            lambda: SwitchedSystem([mechanism(0.0), mechanism(1.0)], [1.0]),
+            "no difference of the 6 states can be told; linearize all",
+        ),
         (lambda: as_switched([LIGHT, HEAVY]), "expected a StateSpace"),
     ],
 )
@@ -57,6 +65,32 @@ def test_one_interval_is_the_ordinary_case() -> None:
     assert switched.systems == (LIGHT,)
     assert switched.interval([-5.0, 5.0]).tolist() == [0, 0]
     assert as_switched(switched) is switched
+
+
+def test_each_interval_is_at_rest_in_its_own_equilibrium_measured_from_the_first() -> None:
+    first, second = about([1.0, 0, 0, 0, 0, 0], 5.0, -2.0), about([1.5, 0, -0.25, 0, 0, 0], 8.0, 3.0)
+    switched = SwitchedSystem([first, second, first], [1.0, 2.0])
+    assert switched.rest_states.tolist() == [[0.0] * 6, [0.5, 0.0, -0.25, 0.0, 0.0, 0.0], [0.0] * 6]
+    assert (switched.rest_inputs.tolist(), switched.rest_outputs.tolist()) == ([[5.0], [8.0], [5.0]], [[-2.0], [3.0], [-2.0]])
+    assert switched.shifts.tolist() == [[-0.5, 0.0, 0.25, 0.0, 0.0, 0.0], [0.5, 0.0, -0.25, 0.0, 0.0, 0.0]]
+    assert all(system.operating_point.x0.tolist() == [1.0, 0, 0, 0, 0, 0] for system in switched.systems)
+    assert switched.systems[0] is first
+    assert (len(switched.distinct), switched.rests_in_one_place) == (2, False)
+    again = SwitchedSystem(switched.systems, switched.switch_times)  # what is in the frame already stays as it is
+    assert again.systems == switched.systems
+
+
+def test_equilibria_change_coordinates_with_the_models() -> None:
+    T = np.random.default_rng(2).normal(size=(6, 6))
+    models = about([1.0, 0, 0, 0, 0, 0], 5.0, -2.0), about([1.5, 0, -0.25, 0, 0, 0], 8.0, 3.0)
+    plain = SwitchedSystem(models, [1.0])
+    before, after = SwitchedSystem([m.transformed(T) for m in models], [1.0]), [m.transformed(T) for m in plain.systems]
+    assert before.rest_states == pytest.approx(plain.rest_states @ T.T)
+    assert SwitchedSystem(after, [1.0]).rest_states == pytest.approx(plain.rest_states @ T.T)
+
+
+def test_configurations_that_agree_to_rounding_are_one_frame() -> None:
+    assert SwitchedSystem([mechanism(0.3), mechanism(0.3 + 1e-12)], [1.0]).rests_in_one_place
 
 
 def test_switch_times_cannot_be_changed() -> None:

@@ -67,6 +67,7 @@ def test_a_problem_of_two_intervals_in_closed_form() -> None:
         owner=np.array([0, 0, 1, 1]),
         systems=[first.system, second.system],
         switch_times=np.array([1.0]),
+        shifts=np.zeros((1, 2)),
         peaks=[np.zeros(0)],
     )
     solution = problem.solve()

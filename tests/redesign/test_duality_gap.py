@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from invtrack.linear.switched import SwitchedSystem
@@ -57,7 +58,8 @@ def solved(change: Callable[[Optimum], Optimum], R: float) -> tuple[float, float
     weights = as_weights(problem.plant, R=R, Q_x=WEIGHTS["Q_x"], Q_y=WEIGHTS["Q_y"])
     system = TrackedSystem.of([NONMINIMUM])
     trajectory: Trajectory = two_sided_problem(problem, [change(optimum(system, weights))], one_unit=False).solve().trajectory()
-    gap = Conditions([system], problem.owner, weights, problem.deviation).gap(trajectory).total
+    still = np.zeros((len(problem.deviation.breakpoints), NONMINIMUM.n_states))
+    gap = Conditions([system], problem.owner, weights, problem.deviation, still).gap(trajectory).total
     return gap, LeastCost([problem], weights).cost(trajectory)
 
 

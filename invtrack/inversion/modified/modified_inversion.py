@@ -80,6 +80,10 @@ class Modification:
         return f"interval {self.interval}: zeros moved: {text}; alpha = {self.alpha:.4g} rad/s"
 
 
+INPUT_SAMPLES = 4001
+"""Instants at which the size of the input is looked for."""
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class ModifiedTrajectory(Plan):
     """A plan of `modified_inversion`: a trajectory of the plant whose output is near the wanted one, not on it.
@@ -231,7 +235,7 @@ def _costly(plan: ModifiedTrajectory, motion: Array) -> tuple[str, ...]:
     if not np.max(times) > COSTLY:
         return ()
     worst, n = int(np.argmax(times)), plan.model.n_states
-    inputs = np.max(np.abs(np.array(plan.input_range) - plan.model.operating_point.u0), axis=0)
+    inputs = np.max(np.abs(plan.departures(np.linspace(plan.start, plan.end, INPUT_SAMPLES)).u), axis=0)
     call = redesign_call(motion, inputs, held=plan.trajectory.after.held[n : n + plan.model.n_inputs], error=1.0)
     return (
         f"output {plan.model.outputs.names[worst]!r} strays from its reference by {times[worst]:.3g} times the wanted motion: too "

@@ -66,6 +66,7 @@ class Grid:
         first: number of the input's node at each step's start (N,).
         last: number of the input's node at each step's end (N,).
         jumps: numbers of the steps at whose start the best input jumps.
+        shifts: by how much states and inputs jump at each step's end with the rest that they are measured from (N, n + p).
     """
 
     times: Array
@@ -77,6 +78,7 @@ class Grid:
     first: Indices
     last: Indices
     jumps: Indices
+    shifts: Array
 
     @property
     def node_times(self) -> Array:
@@ -148,6 +150,7 @@ def make_grid(plant: SwitchedSystem, reference: PiecewiseSignal, weights: Weight
         first=first,
         last=first + 1,
         jumps=jumps,
+        shifts=_shifts(plant, times),
     )
 
 
@@ -181,10 +184,19 @@ def _from_ends(n: int, m: int) -> Array:
     return result
 
 
+def _shifts(plant: SwitchedSystem, times: Array) -> Array:
+    """Jumps of the deviations of states and inputs from rest at the end of each step between the times (N, n + p)."""
+    shifts = np.zeros((len(times) - 1, plant.n_states + plant.n_inputs))
+    ends = np.searchsorted(times, plant.switch_times) - 1
+    shifts[ends] = np.hstack([plant.shifts, -np.diff(plant.rest_inputs, axis=0)])
+    return shifts
+
+
 def _jump_times(plant: SwitchedSystem, reference: PiecewiseSignal) -> Array:
-    """Where the best input jumps: B or D does, or a wanted output with direct feedthrough does."""
+    """Where the best input jumps: B, D or the input at rest does, or a wanted output with direct feedthrough does."""
     pairs = zip(plant.systems[:-1], plant.systems[1:], strict=True)
     differ = np.array([not (np.array_equal(a.B, b.B) and np.array_equal(a.D, b.D)) for a, b in pairs], dtype=bool)
+    differ |= np.any(np.diff(plant.rest_inputs, axis=0), axis=1)
     switches = plant.switch_times[differ]
     if not any(np.any(system.D) for system in plant.distinct):
         return np.asarray(switches)

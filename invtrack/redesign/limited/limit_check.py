@@ -59,7 +59,8 @@ def values_between(trajectory: Trajectory, bounds: Sequence[Bound], shares: Arra
     piece = np.repeat(np.arange(1, len(edges)), len(shares))
     plain = trajectory(times, piece)
     rate = trajectory.derivative()(times, piece) if any(b.kind == "input rate" for b in bounds) else plain
-    values = [(rate if bound.kind == "input rate" else plain) @ bound.row for bound in bounds]
+    inside = np.repeat(edges[:-1] + np.diff(edges) / 2, len(shares))
+    values = [(rate if bound.kind == "input rate" else plain) @ bound.row + bound.rest_at(inside) for bound in bounds]
     return np.array(values).reshape(len(bounds), len(edges) - 1, len(shares))
 
 
@@ -84,7 +85,7 @@ def tops(values: Array) -> tuple[Array, Array]:
 
 def tail_excess(tail: Tail, bounds: Sequence[Bound]) -> Array:
     """How far each limit is exceeded within a tail, as a share of its size: (bounds,)."""
-    sigma = np.zeros(1)
+    sigma, end = np.zeros(1), 0 if tail.direction < 0 else -1
     if tail.departs:
         modes = np.linalg.eigvals(tail.departure.M)
         horizon = TAIL_DECAY / -np.max(modes.real)
@@ -92,4 +93,5 @@ def tail_excess(tail: Tail, bounds: Sequence[Bound]) -> Array:
         half = TAIL_SAMPLES // 2
         sigma = np.union1d(np.linspace(0.0, horizon, half), np.geomspace(min(nearest, horizon / 2), horizon, half))
     plain, rate = (each.values(sigma, slice(None), 0.0) for each in (tail, tail.derivative()))
-    return np.array([np.max(bound.excess((rate if bound.kind == "input rate" else plain) @ bound.row)) for bound in bounds])
+    values = [(rate if bound.kind == "input rate" else plain) @ bound.row + bound.rest[end] for bound in bounds]
+    return np.array([np.max(bound.excess(value)) for bound, value in zip(bounds, values, strict=True)])

@@ -133,30 +133,37 @@ class Transcription:
     def limit_rows(self, points: PathPoints) -> tuple[csr_array, Array, Array, Indices, Array]:
         """rows z between low and high, in units of each limit's size, the number of the bound behind each row, and its time [s]."""
         blocks: list[tuple[Array, Indices]] = []
-        owner, times, lengths = [], [], np.diff(self.grid.times)
+        owner, times, lengths, rests = [], [], np.diff(self.grid.times), []
+        middles = self.grid.times[:-1] + lengths / 2
+        at_nodes = np.empty(self.grid.nodes)
+        at_nodes[self.grid.last], at_nodes[self.grid.first] = middles, middles
         for number, bound in enumerate(self.bounds):
             channel = int(np.argmax(bound.row)) - self.n
             if bound.kind == "input":
                 columns = self.u_columns(np.arange(self.grid.nodes))[:, [channel]]
                 values = np.full(columns.shape, 1 / bound.size)
                 times.append(self.grid.node_times)
+                rests.append(bound.rest_at(at_nodes))
             elif bound.kind == "input rate":
                 ends = (self.grid.first, self.grid.last)
                 columns = np.hstack([self.u_columns(nodes)[:, [channel]] for nodes in ends])
                 length = np.array([step.length for step in self.grid.steps])[self.grid.kind]
                 values = np.array([-1.0, 1.0]) / (length * bound.size)[:, None]
-                times.append(self.grid.times[:-1] + lengths / 2)
+                times.append(middles)
+                rests.append(bound.rest_at(middles))
             else:
                 chosen = np.flatnonzero(points.bound == number)
                 columns = self.step_columns(points.step[chosen])
                 values = self._path_values(bound, points.step[chosen], points.share[chosen]) / bound.size
                 times.append(self.grid.times[points.step[chosen]] + points.share[chosen] * lengths[points.step[chosen]])
+                rests.append(bound.rest_at(middles[points.step[chosen]]))
             blocks.append((values, columns))
             owner.append(np.full(len(columns), number))
         rows = scipy.sparse.vstack([self._rows(values, columns) for values, columns in blocks], format="csr")
         number_of = np.concatenate(owner)
         size, low, high = (np.array([getattr(b, name) for b in self.bounds])[number_of] for name in ("size", "low", "high"))
-        return rows, low / size, high / size, number_of, np.concatenate(times)
+        rest = np.concatenate(rests)
+        return rows, (low - rest) / size, (high - rest) / size, number_of, np.concatenate(times)
 
     def trajectory(self, z: Array) -> Trajectory:
         """The plan on all of time."""
@@ -199,7 +206,7 @@ class Transcription:
         for number, step in enumerate(grid.steps):
             chosen = np.flatnonzero(grid.kind == number)
             entries.append(entries_of(-step.transition / self.state_unit[:, None], rows[chosen], self.step_columns(chosen)))
-        right = [np.zeros(steps * n)]
+        right = [(grid.shifts[:, :n] / self.state_unit).ravel()]
         outer = np.concatenate([self.state_unit, self.input_unit])
         for k, (tail, at, node) in enumerate(zip(self.tails, (0, steps), (0, grid.nodes - 1), strict=True)):
             edge = (steps * n + k * (n + m) + np.arange(n + m))[None]
@@ -213,7 +220,7 @@ class Transcription:
         at_jumps = (steps * n + 2 * (n + m) + np.arange(count)).reshape(len(grid.jumps), len(limited))
         size = np.diag(1 / self.input_unit[limited]) if limited else np.zeros((0, 0))
         entries += [entries_of(size, at_jumps, both[0]), entries_of(-size, at_jumps, both[1])]
-        right.append(np.zeros(count))
+        right.append((grid.shifts[grid.jumps - 1, n:][:, limited] / self.input_unit[limited]).ravel())
         e = np.concatenate(right)
         return sparse_sum(entries, (len(e), len(self.unit))), e
 

@@ -210,7 +210,7 @@ class Prefilter:
         return PrefilteredTrajectory(
             time=found.times,
             u=u + point.u0,
-            x=x,
+            x=x + model.rest,
             y=y + point.y0,
             y_d=reference(found.times),
             truncation_error=found.truncation_error,
