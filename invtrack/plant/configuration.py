@@ -64,6 +64,19 @@ def split(model: mujoco.MjModel, x0: ArrayLike) -> tuple[Array, Array, Array]:
     return qpos.copy(), qvel.copy(), act.copy()
 
 
+def tangent_units(model: mujoco.MjModel) -> list[str]:
+    """Unit, "m" or "rad", of each of the nv degrees of freedom, whatever units the user calls them by."""
+    units = []
+    for joint in model.jnt_type:
+        if joint == mujoco.mjtJoint.mjJNT_FREE:
+            units += ["m"] * 3 + ["rad"] * 3
+        elif joint == mujoco.mjtJoint.mjJNT_BALL:
+            units += ["rad"] * 3
+        else:
+            units += ["m" if joint == mujoco.mjtJoint.mjJNT_SLIDE else "rad"]
+    return units
+
+
 def _vector(name: str, value: ArrayLike, size: int) -> Array:
     vector = real_numbers(name, value, error=PlantError)
     if vector.shape != (size,):

@@ -12,7 +12,7 @@ from invtrack.arguments import flag, instance
 from invtrack.arrays import Array, real_number, require_not_negative
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
-from invtrack.plant.configuration import configuration_of
+from invtrack.plant.configuration import configuration_of, tangent_units
 from invtrack.plant.linearizable import (
     refuse_acting,
     refuse_constraints,
@@ -22,9 +22,10 @@ from invtrack.plant.linearizable import (
     refuse_saturation,
     refuse_step_maps,
 )
+from invtrack.plant.moved_rest import Kept, equilibrium_of, measured_from
 from invtrack.plant.plant import A_PLANT, Plant
 
-_OPTIONS = {"plant", "step", "equilibrium_tolerance", "allow_nonequilibrium"}
+_OPTIONS = {"plant", "equilibrium", "step", "equilibrium_tolerance", "allow_nonequilibrium"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,26 +70,37 @@ def _column(function: Callable[[Array], Array], centre: Array, i: int, steps: Ar
 def linearize(
     plant: Plant,
     *,
+    equilibrium: Kept | Plant | None = None,
     step: float = 1e-4,
     equilibrium_tolerance: float = 1e-6,
     allow_nonequilibrium: bool = False,
     **parameter_values: float,
 ) -> StateSpace:
-    """The linear model x' = A x + B (u - u0), y = y0 + C x + D (u - u0) about the plant's operating point.
+    """The linear model x' = A (x - rest) + B (u - u0), y = y0 + C (x - rest) + D (u - u0) of a plant about an equilibrium.
 
-    x (n = 2 nv + na,) is the deviation in tangent space, less the coordinates that the plant drops; continuous time, whatever
-    integrator the file names. The rows of A that say "position' = velocity" are exact; the others, B, C and D are central
-    differences of mj_forward with Richardson extrapolation, with an estimate of the error of each entry in
+    That is the plant's operating point unless `equilibrium` says otherwise: where other parameters move it, it is u0, y0 and the
+    state `rest`, so that the models before and after a change have one frame and make a SwitchedSystem:
+
+        light = invtrack.linearize(plant)
+        laden = invtrack.linearize(plant, load=3.0, equilibrium="same outputs")
+        model = invtrack.SwitchedSystem([light, laden], switch_times=[1.0])
+
+    x (n = 2 nv + na,) is the deviation from the plant's operating point in tangent space, less the coordinates that the plant
+    drops; continuous time, whatever integrator the file names. The rows of A that say "position' = velocity" are exact; the others,
+    B, C and D are central differences of mj_forward with Richardson extrapolation, with an estimate of the error of each entry in
     `error_estimates`. The model carries the plant's names and units, and in `parameters` the values of all named parameters for
     which it holds.
 
     Args:
-        plant: at the operating point to linearize about.
+        plant: at the operating point from which states are measured.
+        equilibrium: where to linearize. None: at the plant's operating point. "same outputs": at the equilibrium with the outputs
+            of that point, whatever inputs it takes (an actuator that holds a load). "same controls": at that with its controls
+            (a servo that sags). Both are the nearest one, by `trim`. Or the plant at another equilibrium, `trim(plant, ...).plant`.
         step: the smallest perturbation of each state and input: in radians; in metres (for mechanisms smaller than a metre in units
             of their extent); the same per second for velocities; in the unit of each control (times its size at the operating point
             where that exceeds 1). It is rounded to a power of two, and reduced within narrow ctrlrange and actrange.
         equilibrium_tolerance: largest rate x' that still counts as equilibrium, in SI units.
-        allow_nonequilibrium: whether the operating point need not be an equilibrium; its rate is then left out.
+        allow_nonequilibrium: whether the point need not be an equilibrium; its rate is then left out.
         parameter_values: named parameters that differ from the file.
 
     Raises PlantError for an operating point that is no equilibrium (unless allow_nonequilibrium; `trim` finds one), active
@@ -103,7 +115,8 @@ def linearize(
         raise PlantError(f"parameters cannot be called {', '.join(reserved)}, which are options of linearize; rename them")
     if not 0 < real_number("step", step, error=PlantError) < 1:
         raise PlantError(f"step must lie between 0 and 1 (1e-4 suits most mechanisms), got {step}")
-    model = plant.model_with(parameter_values)
+    model, origin = plant.model_with(parameter_values), plant
+    plant = equilibrium_of(origin, equilibrium, parameter_values)
     refuse_step_maps(model)
     refuse_moving_quaternions(plant)
     refuse_saturation(plant, model)
@@ -117,7 +130,8 @@ def linearize(
     with plant.forces(model):
         derivative = differentiate(_Dynamics(plant, model, data), _steps(plant, model, step))
     _check(plant, derivative)
-    return _assemble(plant, point, measured, {**plant.parameter_values, **parameter_values}, derivative)
+    linear = _assemble(plant, point, measured, {**plant.parameter_values, **parameter_values}, derivative)
+    return linear if plant is origin else measured_from(origin, linear, plant)
 
 
 class _Dynamics:
@@ -160,19 +174,6 @@ def _steps(plant: Plant, model: mujoco.MjModel, step: float) -> Array:
         controls.append(np.minimum(step * max(1.0, abs(u0)), u_room))
     steps = np.concatenate([step * positions, step * positions, activations, controls])
     return np.asarray(2.0 ** np.floor(np.log2(steps)))
-
-
-def tangent_units(model: mujoco.MjModel) -> list[str]:
-    """Unit, "m" or "rad", of each of the nv degrees of freedom, whatever units the user calls them by."""
-    units = []
-    for joint in model.jnt_type:
-        if joint == mujoco.mjtJoint.mjJNT_FREE:
-            units += ["m"] * 3 + ["rad"] * 3
-        elif joint == mujoco.mjtJoint.mjJNT_BALL:
-            units += ["rad"] * 3
-        else:
-            units += ["m" if joint == mujoco.mjtJoint.mjJNT_SLIDE else "rad"]
-    return units
 
 
 def _room(value: Array, limits: Array) -> Array:

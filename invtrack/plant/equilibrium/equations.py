@@ -10,8 +10,8 @@ import mujoco
 import numpy as np
 
 from invtrack.arrays import Array, as_divisor
+from invtrack.plant.configuration import tangent_units
 from invtrack.plant.equilibrium.given import Given, Mask
-from invtrack.plant.linearize import tangent_units
 from invtrack.plant.plant import Plant
 
 STEP = 2.0**-17
