@@ -83,13 +83,13 @@ def refuse_nonequilibrium(plant: Plant, data: mujoco.MjData, tolerance: float, p
     if offending:
         rates = ", ".join(f"{states.names[i]}: {residual[i]:.6g} {states.units[i]} per s" for i in offending[:5])
         values = "".join(f", {name}={float(value)!r}" for name, value in parameter_values.items())
-        moved = f' Where a change in mid-run moves it: invtrack.linearize(plant{values}, equilibrium="same outputs"), or "same controls".'
+        moved = f' After a change in mid-run: invtrack.linearize(plant{values}, equilibrium="same outputs"), or "same controls".'
         raise PlantError(
             f"the operating point is no equilibrium: its state changes at the rate {rates}"
             f"{' and more' if len(offending) > 5 else ''} (equilibrium_tolerance={tolerance:g}). The plant"
             f" invtrack.trim(plant{values}).plant is at the equilibrium nearest to it; outputs=, positions= and controls= say what"
-            f" holds there.{moved if values else ''} Or pass a larger equilibrium_tolerance, or allow_nonequilibrium=True for a linear"
-            " model that omits this rate"
+            f" holds there.{moved if values else ''} Or pass a larger equilibrium_tolerance, or allow_nonequilibrium=True for a"
+            " linear model that omits this rate"
         )
 
 
