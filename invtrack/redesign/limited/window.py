@@ -18,7 +18,7 @@ from invtrack.redesign.limited.quadratic_program import QuadraticProgram, Solver
 from invtrack.redesign.limited.transcription import LimitRows, Transcription
 from invtrack.redesign.limits import Bound
 from invtrack.redesign.quadratic import FreeOptimum
-from invtrack.references.signal import PiecewiseSignal
+from invtrack.references.signal import JUMP_TOLERANCE, PiecewiseSignal
 
 TAIL_SHARE = 1e-2
 """Share of the peak to which the optimum without limits has decayed where the first window ends."""
@@ -102,13 +102,30 @@ class LimitedSolution:
 
 
 def free_excess(problem: LimitedProblem) -> float:
-    """Largest excess of a limit by the optimum without limits, as a share of the limit's size; NaN where that is no number."""
+    """Largest excess of a limit by the optimum without limits, as a share of the limit's size; NaN where that is no number.
+
+    Infinite where the rate of an input that jumps is limited.
+    """
+    if _jumps_against_limits(problem):
+        return np.inf
     per_piece = max(65, SAMPLES // (len(problem.free.trajectory.breakpoints)) + 1)
     nodes = (1 - np.cos(np.linspace(0.0, np.pi, per_piece))) / 2  # both sides of a jump included
     tails = [tail_excess(tail, problem.bounds) for tail in problem.tails]
     values = values_between(problem.free.trajectory, problem.bounds, nodes)
     inner = [float(np.max(bound.excess(value))) for bound, value in zip(problem.bounds, values, strict=True)]
     return float(np.max([*inner, *(np.max(excess) for excess in tails)]))
+
+
+def _jumps_against_limits(problem: LimitedProblem) -> bool:
+    """Whether an input with a limited rate jumps in the optimum without limits, in absolute terms."""
+    n, plant, edges = problem.plant.n_states, problem.plant, problem.free.trajectory.breakpoints
+    limited = [int(np.argmax(bound.row)) - n for bound in problem.bounds if bound.kind == "input rate"]
+    rows, pieces = slice(n, n + plant.n_channels), np.arange(len(edges))
+    before, after = problem.free.trajectory(edges, pieces, rows), problem.free.trajectory(edges, pieces + 1, rows)
+    size = np.max(np.abs(np.vstack([before, after])), axis=0)
+    moved = np.zeros_like(before)
+    moved[np.searchsorted(edges, plant.switch_times)] = np.diff(plant.rest_inputs, axis=0)
+    return bool(np.any((np.abs(after - before + moved) > JUMP_TOLERANCE * (size + np.abs(moved)))[:, limited]))
 
 
 def solve_limited(problem: LimitedProblem, step: float | None) -> LimitedSolution:
