@@ -16,6 +16,7 @@ from invtrack.linear import OperatingPoint
 from invtrack.plans.export import sampled_plan
 from invtrack.plans.sampled import write_samples
 from tests.cited_plants import cantilever_paper
+from tests.equilibria import cantilever
 
 POINT = OperatingPoint(x0=np.zeros(6), u0=np.array([3.0]), y0=np.array([-2.0]))
 LIGHT, HEAVY = (
@@ -101,3 +102,22 @@ def test_rows_that_do_not_say_where_they_come_from_are_refused(plan: invtrack.Pl
     for origin in ("", "{}", json.dumps({**json.loads(table.origin), "model": 3})):
         with pytest.raises(FileError, match=r"odd\.csv does not say which plan it comes from"):
             invtrack.read_plan(write_samples(replace(table, origin=origin), tmp_path / "odd.csv"))
+
+
+def test_a_plan_through_jumps_of_the_equilibrium_is_read_back_in_absolute_terms(tmp_path: Path) -> None:
+    """Its jumps lie within rows, where velocities' slopes jump, so that the error is of the order of the rows' length there."""
+    plan = invtrack.invert(cantilever(), invtrack.raised_cosine(2.0) + 0.5, tolerance=1e-6)
+    times, errors = np.linspace(plan.start, plan.end, 5003), []
+    for rate in (20.0, 80.0):
+        found, table = read_at(plan, tmp_path, rate), sampled_plan(plan, rate=rate)
+        assert found(table.time).x == pytest.approx(table.x_ref, abs=1e-12 * np.abs(table.x_ref).max())
+        assert found(table.time).u == pytest.approx(table.u_ff, rel=1e-11)
+        errors.append(np.max(np.abs(found(times).x - plan(times).x)) / np.max(np.abs(plan(times).x)))
+        edges = found.breakpoints[1:-1]
+        assert found(edges, inside=edges - 1e-6).x == pytest.approx(found(edges, inside=edges + 1e-6).x, abs=1e-9)
+    assert errors[1] < errors[0] / 3 < 2e-3
+    assert np.array_equal(found.model.rest_states, plan.model.rest_states)
+    assert np.array_equal(found.model.rest_inputs, plan.model.rest_inputs)
+    assert np.array_equal(found.model.rest_outputs, plan.model.rest_outputs)
+    ends = np.array([plan.start - 5.0, plan.end + 5.0])
+    assert found(ends).u == pytest.approx(plan(ends).u, abs=1e-3 * np.ptp(plan(times).u))
