@@ -89,8 +89,9 @@ def measured_from(plant: Plant, model: StateSpace, point: Plant) -> StateSpace:
 def _rotated_frame(model: mujoco.MjModel, rest: Array) -> Array:
     """Derivative (2 nv + na, 2 nv + na) of states measured from here by those measured from `rest`."""
     derivative = np.eye(len(rest))
-    places = {mujoco.mjtJoint.mjJNT_BALL: 0, mujoco.mjtJoint.mjJNT_FREE: 3}  # a free joint's rotation follows its translation
-    for kind, first in zip(model.jnt_type, model.jnt_dofadr, strict=True):
+    # A free joint's rotation follows its translation.
+    places = {int(mujoco.mjtJoint.mjJNT_BALL): 0, int(mujoco.mjtJoint.mjJNT_FREE): 3}
+    for kind, first in zip(model.jnt_type.tolist(), model.jnt_dofadr.tolist(), strict=True):
         if kind in places:
             start = first + places[kind]
             derivative[start : start + 3, start : start + 3] = _inverse_right_jacobian(rest[start : start + 3])
