@@ -149,7 +149,7 @@ class PolynomialSegments:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Values (r,) over all of time, for a plan [x; u; y] as deviations from the operating point.
+    """Values (r,) over all of time, for a plan [x; u; y] as deviations from the rest of the interval in which each piece lies.
 
     There are m + 2 pieces: 0 is the tail before t_0, piece j the segment from t_(j-1) to t_j, the last one the tail after t_m. A
     time on a breakpoint belongs to both sides; the caller says which piece is meant.

@@ -96,6 +96,9 @@ def constrained_redesign(
     minimise  integral of (u - u0)'R (u - u0) + x'Q_x x + (y - y_d)'Q_y (y - y_d)
     subject to  x' = A_k x + B_k (u - u0),  low <= u, u', y, c'x <= high.
 
+    What costs is the departure from the rest of the interval in force, as in `quadratic_redesign`; limits are absolute. With a
+    limited rate the input does not jump where a jump of the plant moves its value at rest.
+
     Where the optimum without limits keeps within them it is returned as it is. Otherwise the input is continuous (but for the jumps
     of B and D) and linear in time over steps within a window around the manoeuvre; before and after the window the plan is the
     optimum without limits in closed form, whose exact cost is part of the programme, so no horizon is truncated. The window is

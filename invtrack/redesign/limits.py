@@ -27,8 +27,9 @@ StateRow = Mapping[str, float] | ArrayLike
 class StateLimit:
     """low <= sum of row[name] x_name <= high for a combination of states, for instance the twist {"th1": 1.0, "th2": -1.0}.
 
-    row: weights by state names (or one per state), of the states as deviations from the operating point. limit: a positive number
-    for +-limit, or a tuple (low, high), in the units of the combination. name: what messages call it.
+    row: weights by state names (or one per state), of the states as deviations from the operating point (that before all jumps,
+    where these move it). limit: a positive number for +-limit, or a tuple (low, high), in the units of the combination. name: what
+    messages call it.
 
     Raises RedesignError for what is no name, and for weights and limits that are not numbers.
     """

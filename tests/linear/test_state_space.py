@@ -48,6 +48,8 @@ def point(u0: Any, y0: Any) -> OperatingPoint:
         (lambda: StateSpace(A, B, C, outputs=[]), "expected 1 distinct output names"),
         (lambda: StateSpace(A, B, C, operating_point=point([1, 2], [0])), r"u0 of shape \(2,\).*expected \(1,\)"),
         (lambda: StateSpace(A, B, C, operating_point=point([np.nan], [0])), "not finite"),
+        (lambda: StateSpace(A, B, C, rest=[1.0]), r"rest has shape \(1,\), expected \(2,\), one value for each state"),
+        (lambda: StateSpace(A, B, C, rest=[np.inf, 0.0]), "rest has entries that are not finite"),
         (lambda: StateSpace(A, B, C).transformed(np.eye(3)), r"T has shape \(3, 3\), expected \(2, 2\)"),
         (lambda: StateSpace(A, B, C).transformed([[1, 1], [1, 1]]), "T is singular"),
         (lambda: as_state_space([A, B, C]), "list has no A, B, C, D"),
@@ -97,6 +99,15 @@ def test_change_of_coordinates_keeps_the_transfer_function_and_the_frame() -> No
     assert other.states.names == ("a", "b")
     assert other.inputs.names == ("force",)
     assert other.operating_point is operating_point
+
+
+def test_change_of_coordinates_takes_the_rest_along() -> None:
+    system = StateSpace(A, B, C, operating_point=OperatingPoint([1.0, -3.0], [0.0], [0.0]), rest=[0.5, 2.0])
+    T = np.array([[1.0, 2.0], [-1.0, 1e3]])
+    assert system.transformed(T).rest == pytest.approx(T @ [0.5, 2.0])
+    assert system.transformed(T).operating_point.x0 == pytest.approx(T @ [1.0, -3.0])
+    configuration = OperatingPoint([1.0, 0.0, 0.0, 0.0], [0.0], [0.0])  # a mechanism's, longer than the state
+    assert StateSpace(A, B, C, operating_point=configuration).transformed(T).operating_point is configuration
 
 
 def test_change_of_coordinates_carries_error_estimates_along() -> None:

@@ -227,3 +227,16 @@ def test_a_switched_plant_without_hidden_modes_is_itself() -> None:
     core = plant_with(rng, (2,), block(1.0))
     plant = SwitchedSystem([core, replace(core, A=1.5 * core.A)], [1.0])
     assert without_hidden_modes(plant) is plant
+
+
+def test_the_rest_goes_with_the_states_that_are_left() -> None:
+    """x3 shows nowhere: it goes. x2 is an idle mode that the output shows, but no input moves: a rest that jumps along it does."""
+    A, B = np.diag([-1.0, -2.0, -3.0]), np.array([[1.0], [0.0], [1.0]])
+    unseen = StateSpace(A[[0, 2]][:, [0, 2]], B[[0, 2]], [[1.0, 0.0]], states=["x1", "x3"], rest=[0.5, 0.7])
+    left = without_hidden_modes(SwitchedSystem([replace(unseen, rest=[0.0, 0.0]), unseen], [1.0]))
+    assert left.states.names == ("x1",)
+    assert left.rest_states.tolist() == [[0.0], [0.5]]
+    shown = StateSpace(A[:2, :2], B[:2], [[1.0, 1.0]])
+    assert without_hidden_modes(SwitchedSystem([shown, replace(shown, rest=[0.3, 0.0])], [1.0])).states.names == ("x1",)
+    with pytest.raises(ModelError, match="at t = 1 s the equilibrium jumps along modes that no input moves"):
+        without_hidden_modes(SwitchedSystem([shown, replace(shown, rest=[0.3, 0.2])], [1.0]))

@@ -200,7 +200,7 @@ def modified_inversion(
     duration = planning.manoeuvre[1] - planning.manoeuvre[0]
     choices = _choices(plant, internals, wish, intervals_named(interval, len(plant)), error_poles, duration)
     _require_equilibrium(plant, internals, deviation)
-    scale = _output_scale(output_scale, deviation)
+    scale = _output_scale(output_scale, planning)
     problem = DesignProblem(planning, internals, [c[0] for c in choices], [c[2] for c in choices], scale)
     solved = least_error_design(problem) if design == "least error" else robust_design(problem)
     remarks = solved.solution.remarks + solved.remarks
@@ -225,7 +225,7 @@ def modified_inversion(
         candidates=solved.candidates,
         output_scale=scale,
     )
-    costly = _costly(plan, _output_scale(None, deviation))
+    costly = _costly(plan, _output_scale(None, planning))
     return replace(plan, remarks=(*plan.remarks, *costly)) if costly else plan
 
 
@@ -301,16 +301,16 @@ def _require_equilibrium(plant: SwitchedSystem, internals: Sequence[InternalDyna
             )
 
 
-def _output_scale(output_scale: ArrayLike | None, deviation: PiecewiseSignal) -> Array:
-    motion = _motion(deviation)
+def _output_scale(output_scale: ArrayLike | None, planning: PlanningProblem) -> Array:
+    motion = _motion(planning)
     if output_scale is None:
         return np.where(motion > 0, motion, np.max(motion)) if np.any(motion > 0) else np.ones(len(motion))
     return positive_sizes(output_scale, len(motion))
 
 
-def _motion(deviation: PiecewiseSignal) -> Array:
-    """Largest distance of each output from where it is held before (p,)."""
-    start, end = deviation.manoeuvre
-    t = np.concatenate([np.linspace(start, end, 501), deviation.breakpoints])
-    distance = np.max(np.abs(deviation(t) - deviation(start - 1.0)), axis=0)
-    return np.where(distance > 1e-12 * deviation.size(0), distance, 0.0)
+def _motion(planning: PlanningProblem) -> Array:
+    """Largest distance of each wanted output from where it is held before (p,)."""
+    (start, end), reference = planning.manoeuvre, planning.reference
+    t = np.concatenate([np.linspace(start, end, 501), planning.deviation.breakpoints])
+    distance = np.max(np.abs(reference(t) - reference(start - 1.0)), axis=0)
+    return np.where(distance > 1e-12 * planning.deviation.size(0), distance, 0.0)
