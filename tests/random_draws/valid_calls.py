@@ -153,6 +153,7 @@ def _calls() -> dict[str, Call]:
             inputs=["u"],
             outputs=["y"],
             operating_point=model.operating_point,
+            rest=np.zeros(2),
             input_limits=[[-1.0, 1.0]],
             measurement=model.measurement,
             parameters={"m": 1.0},
@@ -214,6 +215,7 @@ def _calls() -> dict[str, Call]:
         "stack_exosystems": call(references.stack_exosystems, parts=[sway, sway]),
         # plans
         "Plan.__call__": call(plan.__call__, t=[0.5], inside=[0.5]),
+        "Plan.departures": call(plan.departures, t=[0.5], inside=[0.5]),
         "Plan.states": call(plan.states, t=[0.5], inside=[0.5]),
         "Plan.inputs": call(plan.inputs, t=[0.5], inside=[0.5]),
         "certify": call(plans.certify, model=plan.model, trajectory=plan.trajectory, reference=slew, span=(0.0, 1.0)),
@@ -327,6 +329,8 @@ def _calls() -> dict[str, Call]:
         "single_francis": call(regulation.single_francis, model=model, exosystem=sway, interval=0),
         "switched_francis": call(regulation.switched_francis, model=model, exosystem=sway),
         "RegulationMap.x_map": call(maps.x_map, t=[0.5], inside=[0.5]),
+        "RegulationMap.x_rest": call(maps.x_rest, t=[0.5], inside=[0.5]),
+        "RegulationMap.u_rest": call(maps.u_rest, t=[0.5], inside=[0.5]),
         "RegulationMap.u_map": call(maps.u_map, t=[0.5], inside=[0.5]),
         "RegulationMap.plan": call(maps.plan, x_e=maps.admissible[:, 0], at=0.0),
         "RegulationMap.inadmissible_share": call(maps.inadmissible_share, x_e=maps.admissible[:, 0], at=0.0),
@@ -457,6 +461,7 @@ def _calls() -> dict[str, Call]:
         "linearize": call(
             invtrack.linearize,
             plant=rig,
+            equilibrium="same outputs",
             step=1e-4,
             equilibrium_tolerance=1e-6,
             allow_nonequilibrium=False,

@@ -120,7 +120,7 @@ def _jumps_against_limits(problem: LimitedProblem) -> bool:
     """Whether an input with a limited rate jumps in the optimum without limits, in absolute terms."""
     n, plant, edges = problem.plant.n_states, problem.plant, problem.free.trajectory.breakpoints
     limited = [int(np.argmax(bound.row)) - n for bound in problem.bounds if bound.kind == "input rate"]
-    rows, pieces = slice(n, n + plant.n_channels), np.arange(len(edges))
+    rows, pieces = slice(n, n + plant.n_inputs), np.arange(len(edges))
     before, after = problem.free.trajectory(edges, pieces, rows), problem.free.trajectory(edges, pieces + 1, rows)
     size = np.max(np.abs(np.vstack([before, after])), axis=0)
     moved = np.zeros_like(before)
