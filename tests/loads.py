@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import invtrack
 
 G = 9.81
@@ -104,10 +102,8 @@ ARM = """
 
 
 def plant_of(
-    folder: Path, mjcf: str, *, inputs: list[str], outputs: list[str], body: str = "load", keyframe: str | None = None
+    mjcf: str, *, inputs: list[str], outputs: list[str], body: str = "load", keyframe: str | None = None
 ) -> invtrack.Plant:
     """The mechanism with its parameter `load`, the mass of a body."""
-    path = folder / "mechanism.xml"
-    path.write_text(mjcf)
-    parameters = {"load": invtrack.BodyMass(body)}
-    return invtrack.Plant.from_xml(path, inputs=inputs, outputs=outputs, parameters=parameters, keyframe=keyframe)
+    parameters = {"load": f"body:{body}:mass"}
+    return invtrack.Plant.from_xml(mjcf, inputs=inputs, outputs=outputs, parameters=parameters, keyframe=keyframe)

@@ -196,3 +196,19 @@ def test_the_causal_inverse_and_moved_zeros_go_through_the_same_jumps() -> None:
     for plan in (causal, modified):
         assert plan(times).x == pytest.approx(exact(times).x, abs=1e-8)
         assert plan(times).u == pytest.approx(exact(times).u, abs=1e-7)
+
+
+def test_more_inputs_than_outputs() -> None:
+    """Of all inputs the cheapest about the rest of the interval in force: through the jump, too, and by the same integration."""
+    A = np.array([[0.0, 1.0, 0.0], [-2.0, -0.3, 0.5], [0.4, 0.0, -1.0]])
+    first = at_rest_in(StateSpace(A, [[0.0, 0.0], [1.0, 0.4], [0.0, 1.0]], [[1.0, 0.0, 0.0]]), ([0.0] * 3, [2.0, 1.0], [0.0]))
+    second = at_rest_in(StateSpace(A, first.B, first.C), ([0.0, 0.0, 0.6], [5.0, -1.0], [0.0]))
+    plant, reference = SwitchedSystem([first, second], [1.0]), rest_to_rest(0.0, 1.0, 2.0, smoothness=3)
+    plan = invert(plant, reference, R=1.0)
+    assert plan.certificate.worst(exact=True) < 1e-10
+    check(plan, plant, np.zeros(3), reference, start=-2.0, end=4.0)
+    ends = plan.departures([plan.start - 50.0, plan.end + 50.0])
+    assert ends.u[0] == pytest.approx([0.0, 0.0], abs=1e-9)
+    still = invert(plant, reference * 0.0, R=1.0)
+    assert 0.05 < np.max(np.abs(still.departures(np.linspace(-3.0, 5.0, 801)).u)) < 5.0
+    assert np.max(np.abs(still(np.linspace(-3.0, 5.0, 801)).y)) < 1e-10

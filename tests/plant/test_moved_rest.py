@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
@@ -16,21 +14,21 @@ from tests.loads import ARM, ELASTIC_HOIST, SERVO, G, plant_of
 from tests.plant.mechanisms import BALL_PENDULUM
 
 
-def arm(folder: Path) -> invtrack.Plant:
-    return invtrack.trim(plant_of(folder, ARM, inputs=["servo"], outputs=["angle"]), outputs={"angle": 0.4}).plant
+def arm() -> invtrack.Plant:
+    return invtrack.trim(plant_of(ARM, inputs=["servo"], outputs=["angle"]), outputs={"angle": 0.4}).plant
 
 
-def test_without_a_word_about_the_equilibrium_a_moved_one_is_refused(tmp_path: Path) -> None:
+def test_without_a_word_about_the_equilibrium_a_moved_one_is_refused() -> None:
     """And the call that the refusal names works."""
-    plant = arm(tmp_path)
+    plant = arm()
     with pytest.raises(PlantError, match=r'invtrack.linearize\(plant, load=0.8, equilibrium="same outputs"\), or "same controls"'):
         invtrack.linearize(plant, load=0.8)
     assert invtrack.linearize(plant, load=0.8, equilibrium="same outputs").parameters == {"load": 0.8}
 
 
-def test_the_same_outputs_and_the_same_controls_by_hand(tmp_path: Path) -> None:
+def test_the_same_outputs_and_the_same_controls_by_hand() -> None:
     """60 (u - q) = (0.25 + 0.5 m) g cos q."""
-    plant, load = arm(tmp_path), 0.8
+    plant, load = arm(), 0.8
     u = plant.operating_point.u0[0]
     holding = invtrack.linearize(plant, load=load, equilibrium="same outputs")
     assert holding.rest == pytest.approx([0.0, 0.0], abs=1e-12)
@@ -48,8 +46,8 @@ def test_the_same_outputs_and_the_same_controls_by_hand(tmp_path: Path) -> None:
     assert invtrack.SwitchedSystem([invtrack.linearize(plant), sagging], [1.0]).rest_states[1] == pytest.approx([q - 0.4, 0.0])
 
 
-def test_where_nothing_moves_nothing_changes(tmp_path: Path) -> None:
-    plant = arm(tmp_path)
+def test_where_nothing_moves_nothing_changes() -> None:
+    plant = arm()
     plain = invtrack.linearize(plant)
     for kept in ("same outputs", "same controls"):
         other = invtrack.linearize(plant, equilibrium=kept)  # type: ignore[arg-type]
@@ -58,9 +56,9 @@ def test_where_nothing_moves_nothing_changes(tmp_path: Path) -> None:
         assert pytest.approx(plain.A, rel=1e-9) == other.A
 
 
-def test_models_of_two_plants_at_two_points_are_the_same_as_those_in_one_frame(tmp_path: Path) -> None:
+def test_models_of_two_plants_at_two_points_are_the_same_as_those_in_one_frame() -> None:
     """Slides and hinges alone: what `trim` finds can be linearized by itself, too."""
-    plant = invtrack.trim(plant_of(tmp_path, ELASTIC_HOIST, inputs=["winch"], outputs=["height"])).plant
+    plant = invtrack.trim(plant_of(ELASTIC_HOIST, inputs=["winch"], outputs=["height"])).plant
     there = invtrack.trim(plant, outputs=plant.operating_point.y0, load=3.0)
     apart = [invtrack.linearize(plant), invtrack.linearize(there.plant, load=3.0)]
     framed = [apart[0], invtrack.linearize(plant, load=3.0, equilibrium=there.plant)]
@@ -70,19 +68,17 @@ def test_models_of_two_plants_at_two_points_are_the_same_as_those_in_one_frame(t
     assert np.array_equal(ours.systems[1].A, theirs.systems[1].A)
 
 
-def pendulum(folder: Path) -> invtrack.Plant:
-    path = folder / "pendulum.xml"
-    path.write_text(BALL_PENDULUM)
+def pendulum() -> invtrack.Plant:
     plant = invtrack.Plant.from_xml(
-        path, inputs=["torque_x", "torque_y"], outputs=["site:bob:x", "site:bob:y"], parameters={"bob": invtrack.BodyMass("bob")}
+        BALL_PENDULUM, inputs=["torque_x", "torque_y"], outputs=["site:bob:x", "site:bob:y"], parameters={"bob": "body:bob:mass"}
     )
     return invtrack.trim(plant, controls={"torque_x": 4.0, "torque_y": -3.0}).plant
 
 
-def test_rotations_are_measured_from_where_the_plant_was(tmp_path: Path) -> None:
+def test_rotations_are_measured_from_where_the_plant_was() -> None:
     """A heavier bob hangs lower on a ball joint. Rates in the frame from before the change, straight from MuJoCo: the linear ones
     are off by the square of the distance from rest."""
-    plant = pendulum(tmp_path)
+    plant = pendulum()
     model = invtrack.linearize(plant, bob=4.0, equilibrium="same controls", allow_nonequilibrium=True)
     assert np.linalg.norm(model.rest[:3]) > 0.2
     laden, x0 = plant.model_with({"bob": 4.0}), plant.operating_point.x0
@@ -106,17 +102,17 @@ def test_rotations_are_measured_from_where_the_plant_was(tmp_path: Path) -> None
         assert np.log2(missed[0] / missed[1]) == pytest.approx(2.0, abs=0.1)
 
 
-def test_a_rotated_equilibrium_of_its_own_frame_is_refused_with_the_way_out(tmp_path: Path) -> None:
-    plant = pendulum(tmp_path)
+def test_a_rotated_equilibrium_of_its_own_frame_is_refused_with_the_way_out() -> None:
+    plant = pendulum()
     there = invtrack.trim(plant, controls=plant.operating_point.u0, bob=4.0).plant
     models = [invtrack.linearize(at, bob=mass, allow_nonequilibrium=True) for at, mass in ((plant, 1.5), (there, 4.0))]
     with pytest.raises(ModelError, match=r'of which no difference .*linearize\(plant, equilibrium="same outputs", \.\.\.\)'):
         invtrack.SwitchedSystem(models, [1.0])
 
 
-def test_what_is_no_equilibrium_of_the_plant_is_refused(tmp_path: Path) -> None:
-    plant = arm(tmp_path)
-    other = plant_of(tmp_path, SERVO, inputs=["servo"], outputs=["height"])
+def test_what_is_no_equilibrium_of_the_plant_is_refused() -> None:
+    plant = arm()
+    other = plant_of(SERVO, inputs=["servo"], outputs=["height"])
     with pytest.raises(PlantError, match=r"equilibrium must be plant 'arm' itself at another operating point.* got 'servo' with"):
         invtrack.linearize(plant, equilibrium=other)
     with pytest.raises(PlantError, match="equilibrium must be one of"):

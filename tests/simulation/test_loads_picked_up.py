@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -25,9 +23,9 @@ def largest_error(plant: object, controller: object, timestep: float = 2e-3) -> 
     return float(np.max(np.abs(result.output.values - result.planned_output.values)))
 
 
-def test_a_hoist_with_a_rigid_rope(tmp_path: Path) -> None:
+def test_a_hoist_with_a_rigid_rope() -> None:
     """The input jumps by the weight of the load and by what accelerates it; a linear mechanism: MuJoCo does what the model says."""
-    plant = plant_of(tmp_path, RIGID_HOIST, inputs=["winch"], outputs=["height"], keyframe="held")
+    plant = plant_of(RIGID_HOIST, inputs=["winch"], outputs=["height"], keyframe="held")
     model = switched(plant, 3.0)
     assert model.rest_inputs[:, 0] == pytest.approx([1.0 * G, 3.0 * G])
     plan = invtrack.invert(model, invtrack.rest_to_rest(0.0, 1.0, 2.5, smoothness=3))
@@ -40,11 +38,11 @@ def test_a_hoist_with_a_rigid_rope(tmp_path: Path) -> None:
     assert [event.text for event in result.events if event.kind == "parameter"] == ["load = 3 kg"]
 
 
-def test_a_quadrotor_takes_a_load_in_flight(tmp_path: Path) -> None:
+def test_a_quadrotor_takes_a_load_in_flight() -> None:
     """Its load sits at its centre of mass: hovering takes more thrust, and nothing else changes that the outputs know of."""
     names = ["front", "left", "back", "right"]
     outputs = ["place[0]", "place[1]", "place[2]", "attitude[3]"]
-    plant = plant_of(tmp_path, QUADROTOR, inputs=names, outputs=outputs, body="frame", keyframe="hover")
+    plant = plant_of(QUADROTOR, inputs=names, outputs=outputs, body="frame", keyframe="hover")
     model = switched(plant, 1.5)
     assert model.rest_inputs == pytest.approx(np.array([[G / 4] * 4, [1.5 * G / 4] * 4]))
     assert np.max(np.abs(model.rest_states)) < 1e-12
@@ -60,8 +58,8 @@ def test_a_quadrotor_takes_a_load_in_flight(tmp_path: Path) -> None:
     assert np.log2(differences[0] / differences[1]) == pytest.approx(2.0, abs=0.1)
 
 
-def test_an_elastic_rope_is_refused_and_its_redesign_does_what_it_says(tmp_path: Path) -> None:
-    plant = invtrack.trim(plant_of(tmp_path, ELASTIC_HOIST, inputs=["winch"], outputs=["height"])).plant
+def test_an_elastic_rope_is_refused_and_its_redesign_does_what_it_says() -> None:
+    plant = invtrack.trim(plant_of(ELASTIC_HOIST, inputs=["winch"], outputs=["height"])).plant
     model = switched(plant, 3.0)
     lift = invtrack.rest_to_rest(0.0, 1.0, 2.5, smoothness=5) + model.rest_outputs[0]
     with pytest.raises(
@@ -79,10 +77,10 @@ def test_an_elastic_rope_is_refused_and_its_redesign_does_what_it_says(tmp_path:
         assert np.max(np.abs(result.output.values - result.planned_output.values)) < 1e-5 * planned
 
 
-def test_a_servo_that_sags_or_holds_is_one_and_the_same_plant(tmp_path: Path) -> None:
+def test_a_servo_that_sags_or_holds_is_one_and_the_same_plant() -> None:
     """It sags by 3 g / 800 with the controls as they were, or holds with a setpoint as much higher: of a linear mechanism both are
     descriptions of the same motions, so the plans are the same, too."""
-    plant = invtrack.trim(plant_of(tmp_path, SERVO, inputs=["servo"], outputs=["height"]), outputs={"height": 0.2}).plant
+    plant = invtrack.trim(plant_of(SERVO, inputs=["servo"], outputs=["height"]), outputs={"height": 0.2}).plant
     sagging, holding = (switched(plant, 5.0, kept) for kept in ("same controls", "same outputs"))
     sag = 3.0 * G / 800.0
     assert (sagging.rest_states[1, 0], sagging.rest_outputs[1, 0]) == pytest.approx((-sag, 0.2 - sag))
@@ -108,9 +106,9 @@ class Constant(invtrack.TrackingController):
         return np.tile(self.plan.inputs([self.plan.start - 1.0]), (len(instants.time), 1))
 
 
-def test_an_arm_that_holds_its_load(tmp_path: Path) -> None:
+def test_an_arm_that_holds_its_load() -> None:
     """The weight's torque is a cosine, linear about where the arm is held: the difference falls with the motion's square."""
-    plant = invtrack.trim(plant_of(tmp_path, ARM, inputs=["servo"], outputs=["angle"]), outputs={"angle": 0.4}).plant
+    plant = invtrack.trim(plant_of(ARM, inputs=["servo"], outputs=["angle"]), outputs={"angle": 0.4}).plant
     model = switched(plant, 0.8)
     torque = 0.6 * G * 0.5 * np.cos(0.4)
     assert (model.rest_inputs[1] - model.rest_inputs[0])[0] == pytest.approx(torque / 60.0)
