@@ -14,6 +14,8 @@ from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
 from invtrack.plans.problem import steps
+from invtrack.redesign.cost import cost
+from invtrack.redesign.quadratic import quadratic_redesign
 from invtrack.references.profiles import raised_cosine, rest_to_rest
 from invtrack.references.signal import PiecewiseSignal
 from tests.cited_plants import cantilever_paper
@@ -207,8 +209,8 @@ def test_more_inputs_than_outputs() -> None:
     plan = invert(plant, reference, R=1.0)
     assert plan.certificate.worst(exact=True) < 1e-10
     check(plan, plant, np.zeros(3), reference, start=-2.0, end=4.0)
-    ends = plan.departures([plan.start - 50.0, plan.end + 50.0])
-    assert ends.u[0] == pytest.approx([0.0, 0.0], abs=1e-9)
-    still = invert(plant, reference * 0.0, R=1.0)
-    assert 0.05 < np.max(np.abs(still.departures(np.linspace(-3.0, 5.0, 801)).u)) < 5.0
-    assert np.max(np.abs(still(np.linspace(-3.0, 5.0, 801)).y)) < 1e-10
+    # With the output held still the cost is that of quadratic redesign for cheaper and cheaper inputs, off by R^(1/4).
+    still = reference * 0.0
+    costs = [cost(quadratic_redesign(plant, still, R=R, Q_y=1.0), R=1.0, Q_y=0.0) for R in (1e-8, 1e-10)]
+    least = costs[1] + (costs[1] - costs[0]) / (100**0.25 - 1)
+    assert cost(invert(plant, still, R=1.0), R=1.0, Q_y=0.0) == pytest.approx(least, rel=1e-4)
