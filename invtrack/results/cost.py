@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array, real_numbers, real_weight
+from invtrack.arrays import Array, real_numbers, real_weight, shown
 from invtrack.errors import InvtrackError
-from invtrack.results.result import RunResult, require_run
+from invtrack.results.result import RunResult, Signal, require_run
 
 
 def run_cost(
@@ -17,9 +17,10 @@ def run_cost(
     Q_x: ArrayLike = 0.0,
     Q_y: ArrayLike,
     u_0: ArrayLike = 0.0,
+    x_0: ArrayLike = 0.0,
     wanted: ArrayLike | None = None,
 ) -> float:
-    """Integral over the run of (u - u_0)'R (u - u_0) + x'Q_x x + (y - y_d)'Q_y (y - y_d), of what was recorded.
+    """Integral over the run of (u - u_0)'R (u - u_0) + (x - x_0)'Q_x (x - x_0) + (y - y_d)'Q_y (y - y_d), of what was recorded.
 
     u is the input applied, which holds over each step, and x the deviation from the operating point; both of them and y are as
     recorded, so feedback and disturbances count. Trapezoidal rule: an error of the order of the step squared.
@@ -27,7 +28,9 @@ def run_cost(
     Args:
         result: the run.
         R, Q_x, Q_y: weights (p, p), (n, n) and (p, p); a number stands for that multiple of the identity.
-        u_0: input at the operating point (p,).
+        u_0: input at rest (p,). Where jumps of the plant move it, that of each step (N, p): for a model
+            `model.rest_inputs[model.interval(middle)]` with the times `middle` in the middle of the steps.
+        x_0: state at rest (n,), or that of each step (N, n), `model.rest_states[model.interval(middle)]`.
         wanted: y_d at the run's times (N + 1, p), where it is not the reference that the controller was given (a plan for another
             reference still has to answer for the one that is wanted).
 
@@ -42,13 +45,23 @@ def run_cost(
         raise InvtrackError(
             f"wanted has shape {y_d.shape}, expected {output.shape}: a finite value per sample and output of {result.name!r}"
         )
-    rest = real_numbers("u_0", u_0, error=InvtrackError)
-    if rest.shape not in ((), result.applied.values.shape[1:]) or not np.all(np.isfinite(rest)):
-        raise InvtrackError(f"u_0 must be a finite number for each of the inputs {result.applied.channels}, got {rest.tolist()}")
-    u = result.applied.values - rest
-    step = np.diff(result.time)
-    moving = _quadratic("Q_x", Q_x, result.state.values) + _quadratic("Q_y", Q_y, output - y_d)
-    return float(step @ (_quadratic("R", R, u) + (moving[:-1] + moving[1:]) / 2))
+    u = result.applied.values - _at_rest("u_0", u_0, result.applied)
+    state, x_rest = result.state.values, _at_rest("x_0", x_0, result.state, steps=len(u))
+    missed = _quadratic("Q_y", Q_y, output - y_d)
+    sides = [_quadratic("Q_x", Q_x, x - x_rest) + miss for x, miss in ((state[:-1], missed[:-1]), (state[1:], missed[1:]))]
+    return float(np.diff(result.time) @ (_quadratic("R", R, u) + (sides[0] + sides[1]) / 2))
+
+
+def _at_rest(name: str, value: ArrayLike, signal: Signal, *, steps: int | None = None) -> Array:
+    """What a signal is counted from: a number, one for each channel (k,), or those of each step (N, k)."""
+    rest, shape = real_numbers(name, value, error=InvtrackError), signal.values.shape
+    each_step = (shape[0] if steps is None else steps, shape[1])
+    if rest.shape not in ((), shape[1:], each_step) or not np.all(np.isfinite(rest)):
+        raise InvtrackError(
+            f"{name} must be a finite number for each of {signal.channels}, or those of each of the {each_step[0]} steps, got "
+            f"shape {rest.shape}, {shown(rest)}"
+        )
+    return rest
 
 
 def _quadratic(name: str, weight: ArrayLike, values: Array) -> Array:

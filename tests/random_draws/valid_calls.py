@@ -394,7 +394,7 @@ def _calls() -> dict[str, Call]:
         "peak_input_above_rest": call(results.peak_input_above_rest, motion=run),
         "peak_commanded_input": call(results.peak_commanded_input, result=run),
         "metrics": call(invtrack.metrics, result=vibrating, periods=1.0, duration=1.0),
-        "run_cost": call(results.run_cost, result=run, R=1.0, Q_x=0.1, Q_y=10.0, u_0=0.0, wanted=run.reference.values),
+        "run_cost": call(results.run_cost, result=run, R=1.0, Q_x=0.1, Q_y=10.0, u_0=0.0, x_0=0.0, wanted=run.reference.values),
         "RunResult.thinned": call(run.thinned, every=3),
         # recording
         "save_recording": call(invtrack.save_recording, results=vibrating, path="saved.rrd", application="trial"),

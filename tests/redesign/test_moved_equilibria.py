@@ -223,6 +223,11 @@ def test_the_rope_that_takes_a_load_does_what_the_redesign_says() -> None:
         timestep=2e-3,
         initial_state=plan(plan.start).x[0],
     )
+    interval = model.interval((result.time[:-1] + result.time[1:]) / 2)
+    rest = {"u_0": model.rest_inputs[interval], "x_0": model.rest_states[interval]}
+    stretch = np.array([[1.0, 0.0, -1.0, 0.0]])  # of the rope, from that under the load in force
+    weights: dict[str, Any] = {"R": 1e-7, "Q_x": stretch.T @ stretch, "Q_y": 1.0}
+    assert invtrack.results.run_cost(result, **weights, **rest) == pytest.approx(cost(plan, **weights), rel=1e-3)
     planned = np.max(np.abs(plan(result.time).y - plan(result.time).y_d))
     assert 1e-3 < planned < 0.1
     assert np.max(np.abs(result.output.values - result.planned_output.values)) < 1e-6 * planned

@@ -37,6 +37,20 @@ def test_cost_is_the_sum_of_the_three_integrals() -> None:
     assert run_cost(run, R=1.0, Q_x=1.0, Q_y=1.0) == pytest.approx(34 + 8 / 3 + 2 + 32 / 5, rel=1e-6)
 
 
+def test_rest_may_be_another_in_each_step() -> None:
+    """u - u_0 = 1 throughout; x = (t, 1) counted from (0, 1) for the first second, then from (2, 0)."""
+    run, steps = slow_run(2000), 2000
+    late = (np.arange(steps) >= steps // 2)[:, None]
+    assert run_cost(run, R=2.0, Q_y=0.0, u_0=np.where(late, 4.0, 2.0)) == pytest.approx(4.0, rel=1e-12)
+    x_0 = np.where(late, [2.0, 0.0], [0.0, 1.0])
+    assert run_cost(run, R=0.0, Q_x=1.0, Q_y=0.0, x_0=x_0) == pytest.approx(1 / 3 + 1 / 3 + 1, rel=1e-6)
+    assert run_cost(run, R=0.0, Q_x=1.0, Q_y=0.0, x_0=[1.0, 1.0]) == pytest.approx(2 / 3, rel=1e-6)
+    with pytest.raises(
+        InvtrackError, match=r"x_0 must be a finite number for each of a \[m\], b \[m\], or those of each of the 2000"
+    ):
+        run_cost(run, R=0.0, Q_y=0.0, x_0=np.zeros((2001, 2)))
+
+
 def test_error_falls_with_the_square_of_the_step() -> None:
     misses = [abs(run_cost(slow_run(steps), R=0.0, Q_y=1.0) - 32 / 5) for steps in (50, 100, 200)]
     assert np.log2(misses[0] / misses[1]) == pytest.approx(2, abs=0.01)
