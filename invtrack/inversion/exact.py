@@ -76,7 +76,6 @@ def invert(
 def _allocated(problem: PlanningProblem, measure: InputMeasure) -> Plan:
     """The plan for more inputs than outputs."""
     plant = problem.plant
-
     inverses = plant.map(lambda system: AllocatedDynamics.of(system, measure.R).inverse(endless=plant.is_endless(system)))
     require_same_unpriced(inverses)
     require_smooth(plant, [inverse.internal for inverse in inverses], problem.deviation)

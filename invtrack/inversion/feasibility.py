@@ -29,8 +29,9 @@ from invtrack.linear.normal_form import NormalForm
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.linear.zeros import ZeroReport, zero_report
+from invtrack.plans.junctions import SAME_ROW_TOLERANCE
 from invtrack.plans.problem import PlanningProblem, require_reference
-from invtrack.plans.two_sided_problem import SAME_ROW_TOLERANCE, TwoSidedSolution
+from invtrack.plans.two_sided_problem import TwoSidedSolution
 from invtrack.references.signal import PiecewiseSignal
 
 PARTS = ("forward", "backward")

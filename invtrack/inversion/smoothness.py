@@ -12,7 +12,7 @@ from invtrack.errors import TrajectoryError
 from invtrack.linear.internal_dynamics import InternalDynamics
 from invtrack.linear.normal_form import NormalForm
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.two_sided_problem import SAME_ROW_TOLERANCE
+from invtrack.plans.junctions import SAME_ROW_TOLERANCE
 from invtrack.references.signal import JUMP_TOLERANCE, PiecewiseSignal
 
 

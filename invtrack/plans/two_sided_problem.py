@@ -5,102 +5,19 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
-from invtrack.arrays import Array, Indices, as_divisor
-from invtrack.linear.propagation import forced_states
-from invtrack.linear.state_sizes import comparable_size, unit_ratios
+from invtrack.arrays import Array, Indices
+from invtrack.linear.state_sizes import unit_ratios
 from invtrack.plans.boundary_value import BoundaryValueSolution, Conditions, solve
+from invtrack.plans.junctions import at_rest, junction_conditions
 from invtrack.plans.problem import PlanningProblem
+from invtrack.plans.stretch import Stretch
 from invtrack.plans.trajectory import Trajectory, TwoSidedSegments, grouped
 from invtrack.plans.two_sided import DrivenSystem, TwoSidedSystem, drive_units
 from invtrack.references.signal import Generator
-
-SAME_ROW_TOLERANCE = 1e-9
-"""A compatibility row whose coefficients are below this share of the size of their terms holds no unknown."""
-
-
-@dataclass(frozen=True, eq=False)
-class Stretch:
-    """One interval of the plant within the manoeuvre (no piece, where it lies outside) and the reference's pieces in it.
-
-    v = [z_f at its start; z_b at its end] is unknown.
-
-    Args:
-        system: the two-sided system of the interval.
-        driven: the driven systems, of all stretches.
-        which: for each piece, the number of its driven system among these (k,).
-        lengths: of the pieces (k,) [s].
-        w_start, w_end: the reference's states at the pieces' starts and ends (k, q), padded to the largest q.
-    """
-
-    system: TwoSidedSystem
-    driven: Sequence[DrivenSystem]
-    which: Indices
-    lengths: Array
-    w_start: Array
-    w_end: Array
-
-    @cached_property
-    def forced(self) -> tuple[Array, Array]:
-        """z_f at the start of each piece and at the end (k + 1, n_f), z_b alike (k + 1, n_b), that the reference alone causes."""
-        n_f, n_b = self.system.forward.size, self.system.backward.size
-        forward, backward = self.system.propagators
-        k = len(self.lengths)
-        added_f = self._driven(0, np.zeros((k, n_f)), self.w_start, self.lengths)
-        added_b = self._driven(1, np.zeros((k, n_b)), self.w_end, self.lengths)
-        return (
-            forced_states(forward, added_f, self.lengths),
-            forced_states(backward, added_b[::-1], self.lengths[::-1])[::-1],
-        )
-
-    @cached_property
-    def transitions(self) -> tuple[Array, Array]:
-        """E_f with z_f at the end = E_f z_f(start) + forced, and E_b with z_b at the start = E_b z_b(end) + forced."""
-        forward, backward = self.system.propagators
-        return forward.matrix(self.lengths.sum()), backward.matrix(self.lengths.sum())
-
-    @cached_property
-    def peaks(self) -> Array:
-        """The largest value of each of z_f and z_b that the reference alone causes (n_f + n_b,)."""
-        forced_f, forced_b = self.forced
-        found = [np.hstack([np.max(np.abs(z), axis=0, initial=0.0) for z in (forced_f, forced_b)])]
-        for share in (1 / 3, 2 / 3):  # at the ends of pieces alone all may happen to pass through zero
-            inner_f = self._driven(0, forced_f[:-1], self.w_start, share * self.lengths)
-            inner_b = self._driven(1, forced_b[1:], self.w_end, share * self.lengths)
-            found.append(np.hstack([np.max(np.abs(z), axis=0, initial=0.0) for z in (inner_f, inner_b)]))
-        return np.asarray(np.max(found, axis=0))
-
-    def states(self, v: Array) -> tuple[Array, Array]:
-        """z_f at the start and z_b at the end of each piece, (k, n_f) and (k, n_b), for v = [z_f(start); z_b(end)]."""
-        n_f, n_b = self.system.forward.size, self.system.backward.size
-        forward, backward = self.system.propagators
-        times = np.concatenate([[0.0], np.cumsum(self.lengths)])
-        one = np.zeros(len(self.lengths), dtype=np.intp)
-        carried_f = forward.outputs(np.eye(n_f), v[np.newaxis, :n_f], one, times[:-1])
-        carried_b = backward.outputs(np.eye(n_b), v[np.newaxis, n_f:], one, times[-1] - times[1:])
-        return self.forced[0][:-1] + carried_f, self.forced[1][1:] + carried_b
-
-    def outer(self, v: Array) -> tuple[Array, Array]:
-        """z_f at the end of the stretch and z_b at its start."""
-        n_f, total = self.system.forward.size, np.array([self.lengths.sum()])
-        forward, backward = self.system.propagators
-        carried_f, carried_b = forward.states(v[np.newaxis, :n_f], total)[0], backward.states(v[np.newaxis, n_f:], total)[0]
-        return carried_f + self.forced[0][-1], carried_b + self.forced[1][0]
-
-    def _driven(self, part: int, z: Array, w: Array, lengths: Array) -> Array:
-        """z of [z; w] carried over each piece's length, (k, n_z); part 0 is the forward, 1 the backward one."""
-        n_z = z.shape[1]
-        result = np.empty_like(z)
-        for index in np.unique(self.which):
-            chosen, driven = self.which == index, self.driven[index]
-            q = len(driven.S)
-            start = np.hstack([z[chosen], w[chosen, :q]])
-            result[chosen] = driven.propagators[part].outputs(np.eye(n_z, n_z + q), start, np.arange(len(start)), lengths[chosen])
-        return result
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +73,8 @@ class TwoSidedProblem(Pieces):
         none = np.zeros((0, 0))
         conditions, checks, rows, sizes = [], [], [], [float(np.max(stretch.peaks, initial=0.0)) for stretch in stretches]
         for k, (left, right) in enumerate(itertools.pairwise(stretches)):
-            condition, check, count, size = _conditions(left, right, *self._joined(k), self.shifts[k], self.peaks[k], self.ratios)
+            here = self.shifts[k], self.peaks[k], self.ratios
+            condition, check, count, size = junction_conditions(left, right, *self._joined(k), *here)
             conditions.append(condition)
             checks.append(check)
             rows.append(count)
@@ -167,7 +85,7 @@ class TwoSidedProblem(Pieces):
         rest_after = Conditions(np.eye(len(z_last), last.system.size, k=last.system.forward.size), none, z_last)
         boundary = solve(rest_before, conditions, rest_after)
         if boundary.freedom and len(last.system.neutral):  # where nothing is left open, rest is for the caller to judge
-            boundary = solve(rest_before, conditions, _at_rest(last, after.steady()[0] @ self.anchor(-1), z_last))
+            boundary = solve(rest_before, conditions, at_rest(last, after.steady()[0] @ self.anchor(-1), z_last))
         return TwoSidedSolution(self, stretches, boundary, checks, rows, max(sizes))
 
     def _stretches(self) -> list[Stretch]:
@@ -338,71 +256,4 @@ def two_sided_trajectory(pieces: Pieces, z_f: Array, z_b: Array, first_b: Array,
         segments,
         before.tail_before(pieces.anchor(0), first_b),
         after.tail_after(pieces.anchor(-1), last_f),
-    )
-
-
-def _conditions(
-    left: Stretch, right: Stretch, w_left: Array, w_right: Array, shift: Array, peak: Array, ratios: Array | None
-) -> tuple[Conditions, tuple[int, float], int, float]:
-    """Continuity, but for the shift, at a switch in the coordinates of the stretch after it, rows scaled to unit size.
-
-    Besides, the compatibility row without unknowns that fails worst and by how much, the number of those with unknowns, and the
-    size of the terms.
-
-    Args:
-        left, right: the stretches before and after the switch.
-        w_left, w_right: J_w w on both sides (m,).
-        shift, peak, ratios: see TwoSidedProblem.
-    """
-    before, after = left.system, right.system
-    T, rho, n_f = after.T, after.prescribed, after.forward.size
-    (E_f, _), (_, E_b) = left.transitions, right.transitions
-    known = before.forward.J @ left.forced[0][-1] + w_left
-    rows_left = T @ np.hstack([before.forward.J @ E_f, before.backward.J])
-    # The difference first: where nothing switches it is zero to the last bit, and so is what would grow out of it.
-    rhs = T @ (w_right - known - shift)
-    rhs[rho + n_f :] += right.forced[1][0]
-    rows_right = np.zeros((len(T), n_f + after.backward.size))
-    rows_right[rho : rho + n_f, :n_f] = -np.eye(n_f)
-    rows_right[rho + n_f :, n_f:] = -E_b
-    joined = np.abs(np.hstack([before.forward.J, before.backward.J])).T  # the sizes of what is continuous, one row for each unknown
-    if ratios is not None:  # an entry that no unknown moves holds rounding: measured against those comparable to it
-        joined = comparable_size(joined, ratios)
-    row_size = np.maximum(np.max(joined @ np.abs(T).T, axis=0, initial=0.0), np.finfo(float).tiny)
-    wanted = np.maximum(np.abs(T[:rho] @ w_right), peak)
-    rhs_size = np.abs(T) @ (np.abs(known) + np.abs(shift)) + np.concatenate([wanted, np.zeros(len(T) - rho)])
-    # Rows of what is prescribed that are the same on both sides hold no unknown: they are checked, not solved for.
-    empty = np.zeros(len(T), dtype=bool)
-    empty[:rho] = np.max(np.abs(rows_left[:rho]), axis=1, initial=0.0) <= SAME_ROW_TOLERANCE * row_size[:rho]
-    misses = np.where(empty & (rhs_size > 0), np.abs(rhs) / np.where(rhs_size > 0, rhs_size, 1.0), 0.0)
-    worst = int(np.argmax(misses)) if len(misses) else 0
-    rows = np.column_stack([rows_left, rows_right, rhs, rhs_size])
-    kept = np.flatnonzero(~empty[:rho])
-    prescribed, free = rows[kept] / row_size[kept, None], rows[rho:]
-    if before.slack is not None:
-        tight = _without(T[rho:], before.slack)
-        free = np.column_stack([tight @ free[:, :-1], np.abs(tight) @ free[:, -1]])
-    rows, n_left = np.vstack([prescribed, free]), rows_left.shape[1]
-    conditions = Conditions(rows[:, :n_left], rows[:, n_left:-2], rows[:, -2])
-    check = (worst, float(misses[worst]) if len(misses) else 0.0)
-    return conditions, check, len(prescribed), float(np.max(rows[:, -1], initial=0.0))
-
-
-def _without(T: Array, slack: Array) -> Array:
-    """Orthonormal rows (., r) that take from T (r, m) times what is continuous whatever jumps along `slack` (m, k)."""
-    moved, terms = T @ slack, np.abs(T) @ np.abs(slack)
-    moved = np.where(np.abs(moved) <= SAME_ROW_TOLERANCE * terms, 0.0, moved) / as_divisor(np.max(terms, axis=0, initial=0.0))
-    U, sizes, _ = np.linalg.svd(moved)
-    return np.asarray(U[:, int(np.sum(sizes > SAME_ROW_TOLERANCE)) :].T)
-
-
-def _at_rest(stretch: Stretch, steady_f: Array, steady_b: Array) -> Conditions:
-    """z_b steady where the manoeuvre ends, and neutral states at rest there."""
-    system, n, n_b = stretch.system, stretch.system.decaying, stretch.system.backward.size
-    moves = system.moves_neutral
-    resting = np.hstack([moves @ stretch.transitions[0][n:], np.zeros((len(moves), n_b))])
-    return Conditions(
-        np.vstack([np.eye(n_b, system.size, k=system.forward.size), resting]),
-        np.zeros((0, 0)),
-        np.concatenate([steady_b, moves @ (steady_f - stretch.forced[0][-1])[n:]]),
     )
