@@ -73,8 +73,9 @@ class TwoSidedProblem(Pieces):
         none = np.zeros((0, 0))
         conditions, checks, rows, sizes = [], [], [], [float(np.max(stretch.peaks, initial=0.0)) for stretch in stretches]
         for k, (left, right) in enumerate(itertools.pairwise(stretches)):
-            here = self.shifts[k], self.peaks[k], self.ratios
-            condition, check, count, size = junction_conditions(left, right, *self._joined(k), *here)
+            condition, check, count, size = junction_conditions(
+                left, right, *self._joined(k), self.shifts[k], self.peaks[k], self.ratios
+            )
             conditions.append(condition)
             checks.append(check)
             rows.append(count)
