@@ -31,16 +31,16 @@ LARGEST_EXCURSION = 100.0
 
 
 def sampled_reference(times: ArrayLike, values: ArrayLike, *, degree: int = 5, smoothness: int | None = None) -> PiecewiseSignal:
-    """The spline of any odd degree k through samples, held at the first and the last value before and after.
+    """The spline of any degree k through samples, held at the first and the last value before and after.
 
     times (m,) [s], increasing, evenly spaced or not; values (m, p), or (m,) for one channel. Derivatives 1 ... k - 1 are continuous
-    between the ends. smoothness: how many derivatives vanish at both ends, from 0 to (k - 1)/2, the default; choose less where the
-    samples do not begin and end at rest, then y^(i) = 0 there for i = (k + 1)/2 ... k - 1 - smoothness instead. Of all functions
-    through the samples that rest in this sense at the ends, it has the smallest integral of (y^((k+1)/2))^2.
+    between the ends. smoothness: how many derivatives vanish at both ends, from 0 to k // 2, the default; choose less where the
+    samples do not begin and end at rest, then y^(i) = 0 there for i = (k + 1) // 2 ... k - 1 - smoothness instead. The polynomial
+    pieces of an odd degree meet at the samples, and of all functions through the samples that rest in this sense at the ends this
+    spline has the smallest integral of (y^((k+1)/2))^2; those of an even degree meet midway between them.
 
-    A plant of relative degree r needs smoothness >= r - 1, so degree >= 2 r - 1. The distance to a smooth motion that rests in the
-    same sense falls with the (k + 1)th power of the spacing; that of its r-th derivative with the (k + 1 - r)th. An even degree has
-    its knots between the samples, and no such property.
+    A plant of relative degree r needs smoothness >= r - 1, so degree >= 2 r - 2. The distance to a smooth motion that rests in the
+    same sense falls with the (k + 1)th power of the spacing; that of its r-th derivative with the (k + 1 - r)th.
 
     Differentiation amplifies noise: noise of size s in samples h apart gives about s / h^r in the r-th derivative, and samples good
     to rounding have s = 1e-16 of their size. See `reference_report`.
@@ -52,19 +52,20 @@ def sampled_reference(times: ArrayLike, values: ArrayLike, *, degree: int = 5, s
     t, y = _samples(times, values)
     _require_increasing(t, lambda i: f"sample {i}")
     smoothness = _require_possible(len(t), degree, smoothness)
-    units = state_units(np.diff(t), degree)  # powers of two, so that no knot is rounded
+    edges = _edges(t, degree)
+    units = state_units(np.diff(edges), degree)  # powers of two, so that no knot is rounded
     scale = float(np.max(units))
     offset = y[0]  # the spline is that of the motion, so that a large constant part costs no accuracy
     spline = _interpolant(t / scale, y - offset, degree, smoothness)
-    derivatives = np.zeros((len(t) - 1, y.shape[1], degree + 1))
-    derivatives[:, :, 0] = y[:-1]
+    derivatives = np.zeros((len(edges) - 1, y.shape[1], degree + 1))
+    derivatives[:, :, 0] = y[:-1] if degree % 2 else np.vstack([y[:1], offset + spline(edges[1:-1] / scale)])
     for order in range(1, degree + 1):
         # Derivative after derivative from the coefficients' differences: its two neighbours at a knot see the same ones, so that
         # also derivatives full of noise are continuous to rounding of their own size.
         spline = spline.derivative()
-        derivatives[:, :, order] = spline(t[:-1] / scale) * ((units / scale) ** order)[:, np.newaxis]
+        derivatives[:, :, order] = spline(edges[:-1] / scale) * ((units / scale) ** order)[:, np.newaxis]
     p = y.shape[1]
-    return polynomial_signal(t, units, derivatives, (y[0], y[-1]), rows=np.eye(p), offset=np.zeros(p))
+    return polynomial_signal(edges, units, derivatives, (y[0], y[-1]), rows=np.eye(p), offset=np.zeros(p))
 
 
 def load_reference(
@@ -141,11 +142,9 @@ def _require_increasing(t: Array, place: Callable[[int], str]) -> None:
 def _require_possible(count: int, degree: int, smoothness: int | None) -> int:
     """The smoothness at the ends, once it and the number of samples are known to determine one spline."""
     degree = whole_number("degree", degree, lowest=1, highest=LARGEST_DEGREE)
-    if degree % 2 == 0:
-        raise TrajectoryError(f"degree must be odd, got {degree}; a spline of even degree has its knots between the samples")
-    half = (degree - 1) // 2
+    half = degree // 2
     smoothness = half if smoothness is None else whole_number(f"smoothness for degree {degree}", smoothness, highest=half)
-    needed = max(2, half + 1 - 2 * smoothness)  # else a polynomial of degree `half` fits in between without any cost
+    needed = max(2, (degree + 1) // 2 - 2 * smoothness)  # else a polynomial fits in between without any cost
     if count < needed:
         raise TrajectoryError(
             f"expected at least {needed} samples for a spline of degree {degree} with smoothness {smoothness}, got {count}; "
@@ -154,14 +153,20 @@ def _require_possible(count: int, degree: int, smoothness: int | None) -> int:
     return smoothness
 
 
+def _edges(t: Array, degree: int) -> Array:
+    """Where the polynomial pieces meet: at the samples, for an even degree midway between them, and at both ends."""
+    return t if degree % 2 else np.concatenate([t[:1], (t[:-1] + t[1:]) / 2, t[-1:]])
+
+
 def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> scipy.interpolate.BSpline:
     """The spline through y (m, p) at times t (m,), y[0] = 0.
 
     At rest means that the outermost smoothness + 1 coefficients are equal: these are known to the last bit, and no equation for a
     vanishing derivative, with its large coefficients, disturbs the others.
     """
-    m, n, rest, p = len(t), len(t) + degree - 1, smoothness + 1, y.shape[1]
-    knots = np.concatenate([np.full(degree, t[0]), t, np.full(degree, t[-1])])
+    edges, m, rest, p = _edges(t, degree), len(t), smoothness + 1, y.shape[1]
+    n = len(edges) + degree - 1
+    knots = np.concatenate([np.full(degree, t[0]), edges, np.full(degree, t[-1])])
     c = np.zeros((n, p + 1))
     c[n - rest :, :p] = y[-1]
     rows, first, natural = _equations(knots, t, degree, smoothness)
@@ -191,14 +196,14 @@ def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> scipy.inte
 def _equations(knots: Array, t: Array, degree: int, smoothness: int) -> tuple[Array, Indices, int]:
     """Rows (k, degree + 1), the first coefficient that each acts on (k,), and how many at either end are for natural ends.
 
-    Those say that y^(i) = 0 for i = (degree + 1) / 2 ... degree - 1 - smoothness; the others are y at the inner samples.
+    Those say that y^(i) = 0 for i = (degree + 1) // 2 ... degree - 1 - smoothness; the others are y at the inner samples.
     """
     start, end = (_natural_end(each, degree, smoothness) for each in (knots, -knots[::-1]))
     # The samples at the two ends, which are met already, are there because scipy takes no empty list of times.
     samples = scipy.interpolate.BSpline.design_matrix(t, knots, degree, extrapolate=True)
     values, columns = (each.reshape(-1, degree + 1)[1:-1] for each in (samples.data, samples.indices))
     rows = np.concatenate([start, values, end[::-1, ::-1]])
-    first = np.concatenate([np.zeros(len(start)), columns[:, 0], np.full(len(end), len(t) - 2)])
+    first = np.concatenate([np.zeros(len(start)), columns[:, 0], np.full(len(end), len(knots) - 2 * degree - 2)])
     return rows, first.astype(np.intp), len(start)
 
 

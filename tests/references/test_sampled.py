@@ -43,7 +43,7 @@ def left_limits(signal: PiecewiseSignal, derivative: int = 0) -> Array:
 @settings(max_examples=40, deadline=None)
 @given(
     spacings=st.lists(st.floats(0.5, 2.0), min_size=1, max_size=12),
-    degree=st.sampled_from([1, 3, 5, 7]),
+    degree=st.sampled_from([1, 2, 3, 4, 5, 6, 7]),
     start=st.floats(-100.0, 100.0),
     data=st.data(),
 )
@@ -51,19 +51,22 @@ def test_passes_through_every_sample_from_both_sides(spacings: list[float], degr
     times = start + np.concatenate([[0.0], np.cumsum(spacings)])
     values = np.array(data.draw(st.lists(st.floats(-1e3, 1e3), min_size=len(times), max_size=len(times))))
     signal = sampled_reference(times, values, degree=degree)
-    assert np.array_equal(signal(times)[:, 0], values)
-    np.testing.assert_allclose(left_limits(signal)[:, 0], values[1:], atol=1e-9 * max(1.0, np.ptp(values)))
+    if degree % 2:
+        assert np.array_equal(signal(times)[:, 0], values)
+    near = 1e-9 * max(1.0, np.ptp(values))
+    np.testing.assert_allclose(signal(times)[:, 0], values, atol=near)
+    np.testing.assert_allclose(left_limits(signal)[:, 0], signal(signal.breakpoints[1:])[:, 0], atol=near)
     np.testing.assert_array_equal(signal([times[0] - 1e3, times[-1] + 1e3])[:, 0], values[[0, -1]])
 
 
-@pytest.mark.parametrize("degree", [3, 5, 7])
+@pytest.mark.parametrize("degree", [3, 4, 5, 6, 7])
 @pytest.mark.parametrize("seed", [None, 1])
 def test_derivatives_are_continuous_and_vanish_at_the_ends(degree: int, seed: int | None) -> None:
     times, values = samples(20, seed=seed)
     signal = sampled_reference(times, values + np.random.default_rng(2).standard_normal(values.shape), degree=degree)
     for order in range(1, degree):
         assert np.all(signal.jumps(order)[1:-1] < 1e-9)
-    for order in range(1, (degree - 1) // 2 + 1):
+    for order in range(1, degree // 2 + 1):
         assert np.all(np.abs(signal(times[0], derivative=order)) == 0)
         assert np.all(np.abs(left_limits(signal, order)[-1]) < 1e-12 * signal.size(order))
 
@@ -104,7 +107,18 @@ def test_two_samples_give_the_rest_to_rest_polynomial() -> None:
         np.testing.assert_allclose(signal(fine), exact(fine), atol=1e-14)
 
 
-@pytest.mark.parametrize(("degree", "counts"), [(1, (24, 48, 96)), (3, (24, 48, 96)), (5, (24, 48, 96)), (7, (24, 36, 54))])
+@pytest.mark.parametrize(
+    ("degree", "counts"),
+    [
+        (1, (24, 48, 96)),
+        (2, (24, 48, 96)),
+        (3, (24, 48, 96)),
+        (4, (24, 48, 96)),
+        (5, (24, 48, 96)),
+        (6, (24, 36, 54)),
+        (7, (24, 36, 54)),
+    ],
+)
 @pytest.mark.parametrize("seed", [None, 5])
 def test_error_falls_with_the_power_of_the_spacing(degree: int, counts: tuple[int, ...], seed: int | None) -> None:
     fine = np.linspace(0.0, 6.0, 2001)
@@ -163,7 +177,6 @@ def test_a_hundred_thousand_samples_keep_their_continuity() -> None:
         ([[0.0, 1.0]], [[0.0, 1.0]], {}, r"expected times \(m,\)"),
         ([0.0, 1.0], ["a", "b"], {}, r"values of the samples must be real numbers"),
         ([0.0, 1.0], [0.0, 1j], {}, r"values of the samples must be real numbers"),
-        ([0.0, 1.0], [0.0, 1.0], {"degree": 4}, r"degree must be odd, got 4"),
         ([0.0, 1.0], [0.0, 1.0], {"smoothness": 3}, r"smoothness for degree 5 must be a whole number from 0 to 2, got 3"),
         ([0.0], [0.0], {}, r"at least 2 samples for a spline of degree 5"),
         ([], [], {}, r"at least 2 samples"),
