@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array, finite_number, real_vector, require_not_negative, whole_number
 from invtrack.control.gains import GainSchedule
-from invtrack.control.observer import ExosystemObserver, Observer, measured, require_observer, states_within_holds
+from invtrack.control.observer import ExosystemObserver, Observer, require_observer, states_within_holds
 from invtrack.control.output_feedback import OutputFeedbackLaw
 from invtrack.control.protocol import AffineLaw, Instants
 from invtrack.control.tracking_controller import PlanFollower
@@ -83,8 +83,6 @@ class ExosystemController(PlanFollower):
         self._initial = real_vector("initial_estimate", given, exosystem.names, error=ControlError)
         self._noise, self._seed = reference_noise, whole_number("seed", seed, error=ControlError)
         self._state_observer = None if state_observer is None else require_observer(state_observer)
-        if state_observer is not None:
-            self.plan.model.map(measured)
         self._require_fit()
 
     def _require_fit(self) -> None:

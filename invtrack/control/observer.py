@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, cast
+from typing import Protocol, cast
 
 import numpy as np
 import scipy  # loads scipy.signal, which costs a second, at its first use
@@ -24,7 +24,7 @@ from invtrack.references.exosystem import Exosystem
 
 
 class Observer(Protocol):
-    """Designs the correction of a current estimator: x_hat = x_prior + M (y_m - C_m x_prior)."""
+    """Designs the correction of a current estimator: x_hat = x_prior + M (y_m - C_m x_prior - D_m v), v the input, known."""
 
     def gain(self, system: StateSpace, period: float) -> Array:
         """M (n, m) for one interval's plant, measured every `period` seconds."""
@@ -52,7 +52,7 @@ class LuenbergerObserver:
         require_duration("period", period, error=ControlError)
         wanted = stable_poles("observer poles", self.poles, system.n_states, error=ControlError)
         A_d, _ = zero_order_hold(system.A, np.zeros((system.n_states, 0)), period)
-        C_m = measured(system).C
+        C_m = system.measurement.C
         advice = f"the measurements {list(system.measurement.channels.names)} must show every mode"
         return placed_gain(A_d.T, (C_m @ A_d).T, np.exp(wanted * period), name="observer poles", advice=advice).T
 
@@ -62,7 +62,8 @@ class KalmanFilter:
     """Steady-state Kalman filter of each interval.
 
     input_noise: standard deviation per square root of Hz of white noise that acts like the inputs (p,), or a number for all: the
-    disturbance that the filter is to expect. measurement_noise: standard deviation (m,) of one sample of each measurement.
+    disturbance that the filter is to expect, on the state alone. measurement_noise: standard deviation (m,) of one sample of each
+    measurement, and of what of the disturbance reaches it at once, as a force reaches an accelerometer.
 
     Raises ControlError for levels that are not positive.
     """
@@ -79,7 +80,7 @@ class KalmanFilter:
         """M (n, m) from the discrete Riccati equation. Raises ControlError where it has no stabilizing solution."""
         system = as_state_space(system)
         require_duration("period", period, error=ControlError)
-        C_m = measured(system).C
+        C_m = system.measurement.C
         intensity = _levels("input_noise", self.input_noise, system.inputs.names)
         deviation = _levels("measurement_noise", self.measurement_noise, system.measurement.channels.names)
         A_d, Q_d = sampled_noise(system.A, system.B * intensity, period)
@@ -96,14 +97,6 @@ def require_observer(value: object) -> Observer:
     if isinstance(value, type) or not callable(getattr(value, "gain", None)):
         raise ControlError(f"expected an observer, such as KalmanFilter(0.1, 0.01), got {shown(value)}")
     return cast(Observer, value)
-
-
-def measured(system: StateSpace) -> Any:
-    """The system's measurement, if an observer can use it. Raises ControlError where the input acts on it at once."""
-    if np.any(system.measurement.D):
-        through = [name for name, row in zip(system.measurement.channels.names, system.measurement.D, strict=True) if np.any(row)]
-        raise ControlError(f"measurements {through} depend on the input at once (accelerations?); measure positions or velocities")
-    return system.measurement
 
 
 def _levels(name: str, value: ArrayLike, channels: Sequence[str]) -> Array:

@@ -85,6 +85,7 @@ class StateSpace:
         parameters: values, by name, of the physical parameters that the model holds for, as far as they are known.
         error_estimates: for a model that was found numerically, estimates of the errors of its matrices' entries, by the matrix's
             name: an array of its shape, or a number for all entries. What is exact (position' = velocity) has none.
+        left_out: what the real plant has besides and no linear model can have (dry friction, delays), each in words.
 
     Raises ModelError where shapes do not fit, an entry is not finite, or names are too few, too many or not distinct.
     """
@@ -102,6 +103,7 @@ class StateSpace:
     measurement: Measurement
     parameters: Mapping[str, float] = field(default_factory=dict)
     error_estimates: Mapping[str, Array] = field(default_factory=dict)
+    left_out: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -119,6 +121,7 @@ class StateSpace:
         measurement: Measurement | None = None,
         parameters: Mapping[str, float] | None = None,
         error_estimates: Mapping[str, ArrayLike] | None = None,
+        left_out: Sequence[str] = (),
     ) -> None:
         A, B, C = _matrix("A", A), _matrix("B", B), _matrix("C", C)
         D = np.zeros((C.shape[0], B.shape[1])) if D is None else _matrix("D", D)
@@ -167,6 +170,7 @@ class StateSpace:
             "measurement": measurement,
             "parameters": _numbers("parameters", parameters, "values by the names of physical parameters"),
             "error_estimates": _errors(error_estimates, expected),
+            "left_out": tuple(texts("left_out", left_out, expected="a list of texts", error=ModelError)),
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
@@ -252,6 +256,7 @@ class StateSpace:
             measurement=replace(self.measurement, C=C_m),
             parameters=self.parameters,
             error_estimates={name: errors[name] for name in self.error_estimates},
+            left_out=self.left_out,
         )
 
 

@@ -157,6 +157,11 @@ class SwitchedSystem:
         return self.systems[0].parameters
 
     @property
+    def left_out(self) -> tuple[str, ...]:
+        """What the real plant has besides in any of the intervals, each once."""
+        return tuple(dict.fromkeys(text for system in self.distinct for text in system.left_out))
+
+    @property
     def schedule(self) -> tuple[tuple[float, dict[str, float]], ...]:
         """When which physical parameters take other values: (switch time [s], {name: new value}), where any does."""
         pairs = zip(self.switch_times.tolist(), itertools.pairwise(self.systems), strict=True)

@@ -130,11 +130,18 @@ class PlanningProblem:
             postactuation=postactuation,
             tolerance=self.tolerance,
             certificate=certificate,
-            remarks=(*limited, *remarks),
+            remarks=(*limited, *remarks, *left_out_of(self.plant)),
             **particulars,
         )
         rings = None if lasting else ringing(plan)
         return plan if rings is None else replace(plan, ringing=rings, remarks=(*plan.remarks, rings.remark))
+
+
+def left_out_of(plant: SwitchedSystem) -> tuple[str, ...]:
+    """A remark on what the plant's model leaves out and the plan therefore knows nothing of; none where that is nothing."""
+    if not plant.left_out:
+        return ()
+    return (f"planned without what the linear model leaves out: {'; '.join(plant.left_out)}",)
 
 
 def actuation_times(

@@ -228,6 +228,7 @@ def _system_as_json(system: StateSpace) -> dict[str, Any]:
         "measurement": measurement,
         "parameters": dict(system.parameters),
         "error_estimates": errors,
+        "left_out": list(system.left_out),
     }
 
 
@@ -252,6 +253,7 @@ def _model_from(data: dict[str, Any]) -> SwitchedSystem:
             measurement=Measurement(C.reshape(shape[0]), D.reshape(shape[1]), names, y_0),
             parameters=entry["parameters"],
             error_estimates=entry["error_estimates"],
+            left_out=entry["left_out"],
         )
 
     distinct = [system(entry) for entry in data["systems"]]

@@ -150,6 +150,17 @@ def joint_components(model: mujoco.MjModel, joint: int) -> tuple[str, ...]:
     return (*AXES, *rotation) if kind == mujoco.mjtJoint.mjJNT_FREE else ()
 
 
+def scalar_joints(model: mujoco.MjModel, what: str, names: Sequence[str]) -> tuple[str, ...]:
+    """The names, each once, if they are those of slide and hinge joints; raises PlantError for others. what: messages call them."""
+    if isinstance(names, str):
+        raise PlantError(f'expected a list of joints for {what} such as ["name"], got {shown(names)}')
+    scalar = [name for i, name in enumerate(element_names(model, "joint")) if not joint_components(model, i)]
+    for name in names:
+        if name not in scalar:
+            raise PlantError(f"{what} names {name!r}, which is no slide or hinge joint of the model; those are: {listed(scalar)}")
+    return tuple(dict.fromkeys(names))
+
+
 def _joint_coordinates(model: mujoco.MjModel, joint: int) -> list[tuple[str, str]]:
     name, components = element_name(model, "joint", joint), joint_components(model, joint)
     if not components:
@@ -157,14 +168,18 @@ def _joint_coordinates(model: mujoco.MjModel, joint: int) -> list[tuple[str, str
     return [(f"{name}.{component}", "m" if component in AXES else "rad") for component in components]
 
 
-def dropped_states(coordinates: Channels, names: Sequence[str]) -> tuple[str, ...]:
-    """The names to drop, in the order of the coordinates. Raises PlantError for unknown names, or where none would be left."""
+def dropped_states(coordinates: Channels, names: Sequence[str], *, play: Sequence[str]) -> tuple[str, ...]:
+    """The names to drop and those of play, in the order of the coordinates.
+
+    Raises PlantError for unknown names, or where none would be left.
+    """
     if isinstance(names, str):
         raise PlantError(f'expected a list of states to drop such as ["name"], got {shown(names)}')
     known = coordinates.names
     unknown = [name for name in names if name not in known]
     if unknown:
         raise PlantError(f"there is no state {listed(map(repr, unknown))} to drop; the states are: {listed(known)}")
-    if set(names) == set(known):
+    dropped = {*names, *play}
+    if dropped == set(known):
         raise PlantError(f"all states are dropped: {listed(known)}; keep those that the outputs depend on")
-    return tuple(name for name in known if name in names)
+    return tuple(name for name in known if name in dropped)

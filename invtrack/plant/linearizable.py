@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -17,8 +17,9 @@ _CONTACTS = (
     mujoco.mjtConstraint.mjCNSTR_CONTACT_PYRAMIDAL,
     mujoco.mjtConstraint.mjCNSTR_CONTACT_ELLIPTIC,
 )
+_EQUALITY = mujoco.mjtConstraint.mjCNSTR_EQUALITY
 _ELEMENTS = {
-    mujoco.mjtConstraint.mjCNSTR_EQUALITY: ("equality", "{}"),
+    _EQUALITY: ("equality", "{}"),
     mujoco.mjtConstraint.mjCNSTR_LIMIT_JOINT: ("joint", "limit of {}"),
     mujoco.mjtConstraint.mjCNSTR_LIMIT_TENDON: ("tendon", "limit of {}"),
     mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON: ("tendon", "friction of {}"),
@@ -73,10 +74,17 @@ def refuse_saturation(plant: Plant, model: mujoco.MjModel) -> None:
             )
 
 
-def refuse_nonequilibrium(plant: Plant, data: mujoco.MjData, tolerance: float, parameter_values: Mapping[str, float]) -> None:
+def refuse_nonequilibrium(
+    plant: Plant, data: mujoco.MjData, tolerance: float, parameter_values: Mapping[str, float], left_out: Sequence[str]
+) -> None:
     """Refuse an operating point whose x' = (qvel, qacc, act_dot) exceeds the tolerance, naming the largest entries.
 
-    parameter_values: those that differ from the file, for the call that the message offers.
+    Args:
+        plant: at the point in question.
+        data: of its smooth model there.
+        tolerance: the largest rate that counts as equilibrium, in SI units.
+        parameter_values: those that differ from the file, for the call that the message offers.
+        left_out: what the smooth model does without, which may be what holds the mechanism.
     """
     residual, states = np.concatenate([data.qvel, data.qacc, data.act_dot]), plant.coordinates
     offending = [i for i in np.argsort(-np.abs(residual)) if not abs(residual[i]) <= tolerance]
@@ -84,8 +92,9 @@ def refuse_nonequilibrium(plant: Plant, data: mujoco.MjData, tolerance: float, p
         rates = ", ".join(f"{states.names[i]}: {residual[i]:.6g} {states.units[i]} per s" for i in offending[:5])
         values = "".join(f", {name}={float(value)!r}" for name, value in parameter_values.items())
         moved = f' After a change in mid-run: invtrack.linearize(plant{values}, equilibrium="same outputs"), or "same controls".'
+        without = f" without what a linear model leaves out ({'; '.join(left_out)})" if left_out else ""
         raise PlantError(
-            f"the operating point is no equilibrium: its state changes at the rate {rates}"
+            f"the operating point is no equilibrium{without}: its state changes at the rate {rates}"
             f"{' and more' if len(offending) > 5 else ''} (equilibrium_tolerance={tolerance:g}). The plant"
             f" invtrack.trim(plant{values}).plant is at the equilibrium nearest to it; outputs=, positions= and controls= say what"
             f" holds there.{moved if values else ''} Or pass a larger equilibrium_tolerance, or allow_nonequilibrium=True for a"
@@ -94,14 +103,16 @@ def refuse_nonequilibrium(plant: Plant, data: mujoco.MjData, tolerance: float, p
 
 
 def refuse_constraints(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Refuse active constraints, naming the contacts, joints, tendons or equalities."""
-    if data.nefc == 0:
-        return
-    active = sorted({constraint_name(model, data, row) for row in range(data.nefc)})
-    raise PlantError(
-        f"constraints are active at or near the operating point: {listed(active)}. A linear model needs motion free of contacts,"
-        " limits, dry friction and equality constraints: disable them in the file or choose an operating point clear of them"
-    )
+    """Refuse contacts and limits that are active, naming the geoms, joints or tendons.
+
+    Equality constraints are not refused: they act on both sides of where they hold.
+    """
+    active = sorted({constraint_name(model, data, row) for row in np.flatnonzero(data.efc_type != _EQUALITY).tolist()})
+    if active:
+        raise PlantError(
+            f"contacts or limits are active at or near the operating point: {listed(active)}. They push one way only, so there is"
+            " no linear model: choose an operating point clear of them, or disable them in the file"
+        )
 
 
 def refuse_kinks(plant: Plant, jacobian: Array, jump: Array, rows: list[str], columns: list[str]) -> None:
@@ -123,16 +134,16 @@ def refuse_kinks(plant: Plant, jacobian: Array, jump: Array, rows: list[str], co
 
 
 def refuse_acting(plant: Plant, jacobian: Array, error: Array, rows: list[str]) -> None:
-    """Refuse dropped coordinates that act on what is kept.
+    """Refuse dropped coordinates that act on what is kept; the play of a transmission is held still, and does not count.
 
     jacobian (k, 2 nv + na): derivatives of the rates of the kept states, outputs and measurements, which `rows` names, with respect
     to all coordinates; error: an estimate of the error of each entry.
     """
     scale = np.maximum(1.0, np.max(np.abs(jacobian), axis=1, keepdims=True))
     acts = np.abs(jacobian) > np.maximum(LARGEST_ACTION * scale, error)
-    found = []
+    found, play = [], {name for joint in plant.backlash for name in (joint, f"{joint} velocity")}
     for i, name in enumerate(plant.coordinates.names):
-        if name in plant.dropped and np.any(acts[:, i]):
+        if name in plant.dropped and name not in play and np.any(acts[:, i]):
             targets = dict.fromkeys(rows[row] for row in np.flatnonzero(acts[:, i]))  # an output may be measured too
             found.append(f"{name!r} acts on {listed(targets)}")
     if found:

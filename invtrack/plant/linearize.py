@@ -12,6 +12,7 @@ from invtrack.arguments import flag, instance
 from invtrack.arrays import Array, real_number, require_not_negative
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
+from invtrack.plant.closed_loops import refuse_branching
 from invtrack.plant.configuration import configuration_of, tangent_units
 from invtrack.plant.linearizable import (
     refuse_acting,
@@ -24,6 +25,10 @@ from invtrack.plant.linearizable import (
 )
 from invtrack.plant.moved_rest import Kept, equilibrium_of, measured_from
 from invtrack.plant.plant import A_PLANT, Plant
+from invtrack.plant.smooth_model import smooth_model
+
+IMPEDANCE_STEPS = 64
+"""Perturbations of positions fit this often into the violation over which an equality constraint changes its softness."""
 
 _OPTIONS = {"plant", "equilibrium", "step", "equilibrium_tolerance", "allow_nonequilibrium"}
 
@@ -98,14 +103,19 @@ def linearize(
             (a servo that sags). Both are the nearest one, by `trim`. Or the plant at another equilibrium, `trim(plant, ...).plant`.
         step: the smallest perturbation of each state and input: in radians; in metres (for mechanisms smaller than a metre in units
             of their extent); the same per second for velocities; in the unit of each control (times its size at the operating point
-            where that exceeds 1). It is rounded to a power of two, and reduced within narrow ctrlrange and actrange.
+            where that exceeds 1). It is rounded to a power of two, and reduced within narrow ctrlrange and actrange, and for
+            positions to a share of the violation over which an equality constraint changes its softness (solimp's width).
         equilibrium_tolerance: largest rate x' that still counts as equilibrium, in SI units.
         allow_nonequilibrium: whether the point need not be an equilibrium; its rate is then left out.
         parameter_values: named parameters that differ from the file.
 
-    Raises PlantError for an operating point that is no equilibrium (unless allow_nonequilibrium; `trim` finds one), active
-    constraints, saturated controls, spinning ball or free joints, kinks, dropped states that act on what is kept, and models in
-    which qacc depends on the time step (integrator="discrete").
+    Dry friction, actuator delays and the plant's backlash are left out, and named in the model's `left_out`; simulations have them.
+    Equality constraints stay: MuJoCo makes springs and dampers of them (solref, solimp), so each adds fast, well damped modes of
+    its own, and the mechanism's slow ones differ from those of a rigid coupling the less the faster these are.
+
+    Raises PlantError for an operating point that is no equilibrium (unless allow_nonequilibrium; `trim` finds one), active contacts
+    and limits, equality constraints that depend on each other just there, saturated controls, spinning ball or free joints, kinks,
+    dropped states that act on what is kept, and models in which qacc depends on the time step (integrator="discrete").
     """
     instance("plant", plant, Plant, expected=A_PLANT, error=PlantError)
     flag("allow_nonequilibrium", allow_nonequilibrium, error=PlantError)
@@ -115,22 +125,25 @@ def linearize(
         raise PlantError(f"parameters cannot be called {', '.join(reserved)}, which are options of linearize; rename them")
     if not 0 < real_number("step", step, error=PlantError) < 1:
         raise PlantError(f"step must lie between 0 and 1 (1e-4 suits most mechanisms), got {step}")
-    model, origin = plant.model_with(parameter_values), plant
+    smooth, origin = smooth_model(plant.model_with(parameter_values), backlash=plant.backlash), plant
+    model = smooth.model
     plant = equilibrium_of(origin, equilibrium, parameter_values)
     refuse_step_maps(model)
     refuse_moving_quaternions(plant)
     refuse_saturation(plant, model)
     data = plant.new_data(model)
     refuse_constraints(model, data)
+    refuse_branching(plant, model, data)
     if not allow_nonequilibrium:
-        refuse_nonequilibrium(plant, data, equilibrium_tolerance, parameter_values)
+        refuse_nonequilibrium(plant, data, equilibrium_tolerance, parameter_values, smooth.left_out)
     point, measured = plant.operating_point_in(model), plant.measurement_readings.values(data)
     for readings in (plant.output_readings, plant.measurement_readings):
         readings.require_smooth(model, data)
     with plant.forces(model):
         derivative = differentiate(_Dynamics(plant, model, data), _steps(plant, model, step))
     _check(plant, derivative)
-    linear = _assemble(plant, point, measured, {**plant.parameter_values, **parameter_values}, derivative)
+    parameters = {**plant.parameter_values, **parameter_values}
+    linear = _assemble(plant, point, measured, parameters, derivative, smooth.left_out)
     return linear if plant is origin else measured_from(origin, linear, plant)
 
 
@@ -160,7 +173,8 @@ def _steps(plant: Plant, model: mujoco.MjModel, step: float) -> Array:
     """The smallest perturbation of each state and input, (n + m,): powers of two, so that sums and differences lose no digits."""
     length = min(1.0, float(model.stat.extent))
     translation = np.array([unit == "m" for unit in tangent_units(model)])
-    positions = np.where(translation, length, 1.0)
+    lengths = np.where(translation, length, 1.0)
+    positions = lengths * min(1.0, _impedance_width(model) / (IMPEDANCE_STEPS * step))
     act, ctrl = plant.configuration.act, plant.configuration.ctrl
     room = np.full(model.na, np.inf)
     for i in np.flatnonzero(model.actuator_actlimited):
@@ -172,8 +186,14 @@ def _steps(plant: Plant, model: mujoco.MjModel, step: float) -> Array:
         u0, limited = ctrl[address], model.actuator_ctrllimited[address]
         u_room = _room(u0, model.actuator_ctrlrange[address]) if limited else np.inf
         controls.append(np.minimum(step * max(1.0, abs(u0)), u_room))
-    steps = np.concatenate([step * positions, step * positions, activations, controls])
+    steps = np.concatenate([step * positions, step * lengths, activations, controls])
     return np.asarray(2.0 ** np.floor(np.log2(steps)))
+
+
+def _impedance_width(model: mujoco.MjModel) -> float:
+    """The least violation (in m or rad) over which the softness of an equality constraint changes; infinite where none does."""
+    low, high, width = model.eq_solimp[:, :3].T
+    return float(np.min(width, initial=np.inf, where=(low != high) & (width > 0)))
 
 
 def _room(value: Array, limits: Array) -> Array:
@@ -190,7 +210,12 @@ def _check(plant: Plant, derivative: Derivative) -> None:
 
 
 def _assemble(
-    plant: Plant, point: OperatingPoint, measured: Array, parameters: Mapping[str, float], derivative: Derivative
+    plant: Plant,
+    point: OperatingPoint,
+    measured: Array,
+    parameters: Mapping[str, float],
+    derivative: Derivative,
+    left_out: tuple[str, ...],
 ) -> StateSpace:
     nv, n, m, p = plant.model.nv, len(plant.coordinates), len(plant.inputs), len(plant.outputs)
     velocity_rows = np.zeros((nv, n + m))
@@ -213,6 +238,7 @@ def _assemble(
         measurement=Measurement(C_m, D_m, plant.measurements, measured),
         parameters=parameters,
         error_estimates=errors,
+        left_out=left_out,
     )
 
 

@@ -18,6 +18,10 @@ from invtrack.plant.elements import element_name, listed
 Source: TypeAlias = str | Path | mujoco.MjSpec | mujoco.MjModel
 """The path of an MJCF file, MJCF text, a specification, or a compiled model."""
 
+DENSE = mujoco.mjtJacobian.mjJAC_DENSE
+"""The constraint Jacobian of every model, whatever its file says. With a sparse one MuJoCo 4.0.0's Newton solver returns
+accelerations that are off by their own size where dry friction meets equality constraints; with a dense one they are right."""
+
 LONGEST_NAME = 256
 """Characters of a path that a message repeats."""
 
@@ -56,7 +60,7 @@ def model_path(name: str) -> Path:
 
 
 def load_model(source: Source) -> LoadedModel:
-    """The model that a source describes. What is given is copied, not kept.
+    """The model that a source describes, with a dense constraint Jacobian. What is given is copied, not kept.
 
     Raises PlantError for what does not compile, and for models whose state is more than (qpos, qvel, act).
     """
@@ -66,9 +70,11 @@ def load_model(source: Source) -> LoadedModel:
         spec, description = _specification(source)
         require_known_elements(spec)
         model = compile_spec(spec, description)
+        spec.option.jacobian = DENSE
         _fix_what_the_compiler_chose(spec, model)
         loaded = LoadedModel(model, spec, description)
     _refuse_hidden_state(loaded.model)
+    loaded.model.opt.jacobian = DENSE
     return loaded
 
 
@@ -137,10 +143,13 @@ def _fix_what_the_compiler_chose(spec: mujoco.MjSpec, model: mujoco.MjModel) -> 
 
 def _refuse_hidden_state(model: mujoco.MjModel) -> None:
     """Refuse models whose state is more than (qpos, qvel, act), and models that measure nothing."""
-    histories = [element_name(model, "actuator", i) for i in range(model.nactuator) if model.actuator_historyadr[i] >= 0]
-    histories += [element_name(model, "sensor", i) for i in range(model.nsensor) if model.sensor_historyadr[i] >= 0]
-    if histories:
-        raise PlantError(f"{listed(histories)}: delays and history buffers are no part of the state (qpos, qvel, act); remove them")
+    late = [element_name(model, "sensor", i) for i in range(model.nsensor) if model.sensor_historyadr[i] >= 0]
+    if late:
+        raise PlantError(
+            f"sensors {listed(late)} have delays or history buffers, with which outputs would be those of an earlier time; take"
+            " them out of the file, and state delays with the run:"
+            ' invtrack.simulate(..., sensors={"NAME": invtrack.Sensor(delay=0.01)})'
+        )
     plastic = getattr(model, "nplastic", 0)  # MuJoCo has plastic springs since 4.0
     if model.npluginstate or plastic:
         raise PlantError("plugins with state and plastic springs are no part of the state (qpos, qvel, act); remove them")

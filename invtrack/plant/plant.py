@@ -19,9 +19,18 @@ from invtrack.arrays import Array, real_number, real_numbers
 from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.linear.state_space import OperatingPoint
+from invtrack.plant.actuator_delays import fill_histories
 from invtrack.plant.configuration import Configuration, state_of
 from invtrack.plant.couplings import VelocityCoupling, mujoco_callbacks, velocity_couplings
-from invtrack.plant.elements import Addresses, control_limits, coordinate_channels, dropped_states, input_channels, listed
+from invtrack.plant.elements import (
+    Addresses,
+    control_limits,
+    coordinate_channels,
+    dropped_states,
+    input_channels,
+    listed,
+    scalar_joints,
+)
 from invtrack.plant.loading import Source, compile_spec, load_model, model_name
 from invtrack.plant.outputs import output_readings
 from invtrack.plant.parameters import Parameter, named_parameters
@@ -49,6 +58,7 @@ class Plant:
         input_addresses: where the inputs stand in data.ctrl (p,).
         output_readings, measurement_readings: what these read from MuJoCo's data.
         dropped: names of the coordinates that are not among the states.
+        backlash: names of the joints that are the play of a transmission, whose coordinates are dropped, too.
         parameters: what each named parameter changes.
         parameter_channels: names and units of the parameters.
         couplings: forces linear in velocity that the file carries (see `invtrack.plant.couplings`). MuJoCo applies them only within
@@ -70,6 +80,7 @@ class Plant:
     parameters: Mapping[str, Parameter]
     parameter_channels: Channels = field(repr=False)
     couplings: tuple[VelocityCoupling, ...] = ()
+    backlash: tuple[str, ...] = ()
 
     @classmethod
     def from_xml(
@@ -80,6 +91,7 @@ class Plant:
         outputs: Sequence[str],
         measurements: Sequence[str] | None = None,
         drop_states: Sequence[str] = (),
+        backlash: Sequence[str] = (),
         parameters: Mapping[str, str | Parameter] | Sequence[str] = (),
         units: Mapping[str, str] | None = None,
         keyframe: str | None = None,
@@ -99,13 +111,16 @@ class Plant:
             measurements: what controllers that do not know the state may measure, named like outputs; the outputs unless stated.
             drop_states: coordinates that act on nothing (where a vehicle stands, its heading), which models and controllers are not
                 to see; the simulation still moves them, and `linearize` refuses where they do act.
+            backlash: slide and hinge joints that are the play of a transmission (a small range, nothing else that holds them).
+                Models and controllers see the play closed: the joint keeps its place, and is no state; the simulation moves it.
             parameters: names of your own for what may change, with its path, as {"tip_mass": "body:tip:mass"}; or the paths
                 alone, which then are the names.
             units: SI units that replace those inferred, by the name of an input, output, state or parameter.
             keyframe: the operating point; without it qpos0 at rest with zero controls. Angles count from it, also after `at`.
 
         Raises PlantError for what does not compile, unknown names (with those there are), velocity couplings that do not fit the
-        model, and models whose state is more than (qpos, qvel, act): history buffers, plugins with state, plasticity.
+        model, and models whose state is more than (qpos, qvel, act): plugins with state, plasticity, sensors with delays (delays of
+        actuators are simulated, and left out of linear models).
         """
         units = dict(by_name("units", {} if units is None else units, expected="units by the names of channels", error=PlantError))
         inputs, outputs, drop_states = _names("inputs", inputs), _names("outputs", outputs), _names("drop_states", drop_states)
@@ -117,6 +132,8 @@ class Plant:
         u, input_addresses = input_channels(model, inputs)
         y, y_m = (output_readings(model, names, configuration) for names in (outputs, measurements))
         coordinates = coordinate_channels(model)
+        backlash = scalar_joints(model, "backlash", _names("backlash", backlash))
+        play = [name for joint in backlash for name in (joint, f"{joint} velocity")]
         channels = Channels(tuple(named), [parameter.unit(model) for parameter in named.values()])
         _require_known(units, (u, y.channels, y_m.channels, coordinates, channels))
         return cls(
@@ -131,10 +148,11 @@ class Plant:
             input_addresses=input_addresses,
             output_readings=y,
             measurement_readings=y_m,
-            dropped=dropped_states(coordinates, drop_states),
+            dropped=dropped_states(coordinates, drop_states, play=play),
             parameters=MappingProxyType(named),
             parameter_channels=channels.with_units(units),
             couplings=velocity_couplings(model),
+            backlash=backlash,
         )
 
     def at(
@@ -209,6 +227,7 @@ class Plant:
         model = self.model if model is None else model
         data = mujoco.MjData(model)
         self.configuration.write(data)
+        fill_histories(model, data, data.time)
         with self.forces(model):
             mujoco.mj_forward(model, data)
         return data

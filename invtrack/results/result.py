@@ -80,7 +80,7 @@ class RunResult:
         measured, estimate: what the sensors showed at the latest update, and the state estimated from it; without channels for
             controllers that know the state.
         events: what happened, in the order of time.
-        remarks: what a user should know about the run (for instance that it ends before its plan does).
+        remarks: what a user should know about the run (that its plan knows nothing of dry friction; that it ends before the plan).
         parameter_bodies: for parameters that belong to one body, its name.
         qpos: generalized positions (N + 1, nq); empty for plants without geometry.
         status, message: "completed", or "diverged" and the reason.

@@ -15,6 +15,7 @@ from invtrack.channels import Channels
 from invtrack.control.protocol import Controller
 from invtrack.errors import SimulationError
 from invtrack.linear.switched import slowest_flexible_period
+from invtrack.plans.problem import left_out_of
 from invtrack.plant.parameters import Change, ordered
 from invtrack.plant.plant import Plant
 from invtrack.results.result import Event, RunResult, Signal
@@ -23,6 +24,7 @@ from invtrack.simulation.linear_plant import LinearPlant, linear_plant
 from invtrack.simulation.mujoco_plant import mujoco_plant
 from invtrack.simulation.preflight import (
     require_fit,
+    require_histories,
     require_known_parameters,
     require_planned_parameters,
     warn_of_fast_zeros,
@@ -122,6 +124,7 @@ def simulate(
     for source in (controller.breakpoints, plan.breakpoints, simulated.breakpoints, updates):
         breakpoints.extend(source.tolist())
     grid = make_grid(start, end, breakpoints, timestep)
+    require_histories(simulated, grid)
     parameters = _Parameters.on_grid({**simulated.parameter_values, **values}, changes, grid)
     update = updates_of_steps(grid, updates)
     instants = stage_instants(grid) if evaluate == "stages" else held_instants(grid, update)
@@ -137,7 +140,8 @@ def simulate(
         sensors=SensorChain(simulated.measurements.names, sensors or {}, seed),
     )
     recorded = run.go(at_stages=evaluate == "stages", progress=progress)
-    stated = {"name": name, "timestep": timestep, "evaluate": evaluate, "vibration_period": period, "remarks": span.remarks}
+    remarks = (*left_out_of(plan.model), *span.remarks)
+    stated = {"name": name, "timestep": timestep, "evaluate": evaluate, "vibration_period": period, "remarks": remarks}
     return _result(simulated, controller, grid, parameters, recorded, stated)
 
 

@@ -69,7 +69,7 @@ class LinearStepper:
         measured = len(self._system.measurement.channels)
         self._x = np.array(x)
         self.state: tuple[Array, ...] = (self._x,)
-        self.control: Array = np.zeros(m)
+        self.control: Array = np.array(self._system.operating_point.u0)
         self.sensors: Array = np.zeros(p + measured)
         self.output_columns, self.measurement_columns = np.arange(p), np.arange(p, p + measured)
         self.advance: Callable[[], None] = self._advance
@@ -77,7 +77,7 @@ class LinearStepper:
         self._known: dict[tuple[int, float], tuple[Array, Array]] = {}
         self._transition, self._timestep = np.zeros((n, n + m)), 0.0
         self._sensor_rows = np.zeros((p + measured, n + m))
-        self._sensors_at_rest = np.zeros(p + m)
+        self._sensors_at_rest = np.zeros(p + measured)
 
     def enter(self, timestep: float, time: float, parameters: Mapping[str, float]) -> None:
         """Start an interval of steps of one length [s] at `time` [s]."""

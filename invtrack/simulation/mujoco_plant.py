@@ -14,6 +14,7 @@ import numpy as np
 from invtrack.arrays import Array, Indices
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
+from invtrack.plant.actuator_delays import actuator_delays, fill_histories
 from invtrack.plant.configuration import configuration_of
 from invtrack.plant.couplings import mujoco_callbacks
 from invtrack.plant.plant import Plant
@@ -22,6 +23,9 @@ from invtrack.simulation.simulated_plant import SimulatedPlant
 
 STAGES_OF_RK4 = (0, 1, 1, 2)
 """At which of a step's three instants (start, middle, end) each of the four stages evaluates the input."""
+
+DELAY_ROUNDING = 1e-9
+"""Share of an actuator's delay within which a control counts as old enough."""
 
 FAILURES = tuple(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}") for what in ("CTRL", "QPOS", "QVEL", "QACC"))
 """Warnings after which MuJoCo's state means nothing any more."""
@@ -44,6 +48,7 @@ def mujoco_plant(plant: Plant) -> SimulatedPlant:
         parameters=plant.parameter_channels,
         parameter_values=plant.parameter_values,
         parameter_bodies=plant.parameter_bodies,
+        delays=actuator_delays(plant.model),
     )
 
 
@@ -62,6 +67,8 @@ class MujocoStepper:
         self.model = plant.model_with(parameters)
         # With automatic reset MuJoCo answers divergence by starting over from qpos0, as if nothing had happened.
         self.model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        # Which of two controls acts where a delay is a whole number of steps is not left to the rounding of times.
+        self.model.actuator_delay *= 1 - DELAY_ROUNDING
         self.data = data = plant.new_data(self.model)
         self._x0 = plant.operating_point_in(self.model).x0
         data.qpos[:], data.qvel[:], data.act[:] = configuration_of(self.model, self._x0, plant.coordinates_of(x))
@@ -70,6 +77,7 @@ class MujocoStepper:
         self._live = live = LiveReadings(self.model, data, [*outputs, *measurements])
         self.sensors: Array = live.values
         self.output_columns, self.measurement_columns = np.split(live.columns, [len(outputs)])
+        self._entered = False
         self._forward = self._with_forces(mujoco.mj_forward)
         self.control, self.advance = self._control_and_step(plant.input_addresses)
         self._kept = slice(None) if not plant.dropped else plant.state_addresses
@@ -104,6 +112,9 @@ class MujocoStepper:
         """Start an interval: length of its steps [s], its time [s], and parameters that change now."""
         self.model.opt.timestep = timestep
         self.data.time = time
+        if not self._entered:
+            fill_histories(self.model, self.data, time)
+            self._entered = True
         if parameters:
             self.plant.apply(self.model, parameters)
 

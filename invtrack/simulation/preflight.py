@@ -19,6 +19,7 @@ from invtrack.plans.actuation import peak_departure
 from invtrack.plans.input_tail import input_tail
 from invtrack.plans.tail import SIDES
 from invtrack.plant.parameters import Change
+from invtrack.simulation.grid import Grid
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 STACK = 3
@@ -34,6 +35,9 @@ SAME_HOLD = 1e-9
 
 NOTICED = 0.01
 """Share of the peak input from which on a part of it counts."""
+
+DELAY_ROUNDING = 1e-9
+"""Times are compared with an actuator's delay to within this share of it."""
 
 
 def require_fit(plant: SimulatedPlant, controller: Controller, evaluate: str) -> None:
@@ -78,6 +82,19 @@ def require_planned_parameters(plant: SimulatedPlant, planned: Iterable[str]) ->
             f"the plan was made for values of {', '.join(unknown)}; the plant's parameters are: {plant.parameters}. Give the plant "
             "the parameters of the one that was linearized, or say what changes in this run: schedule=() if nothing does"
         )
+
+
+def require_histories(plant: SimulatedPlant, grid: Grid) -> None:
+    """Raises SimulationError where an actuator's delay is longer than the steps whose controls MuJoCo keeps for it."""
+    for late in plant.delays:
+        starts = grid.time[grid.time <= grid.time[-1] - late.delay]
+        past = np.searchsorted(grid.time, starts + (1 - DELAY_ROUNDING) * late.delay) - np.arange(len(starts))
+        needed = int(np.max(past, initial=0))
+        if needed > late.samples:
+            raise SimulationError(
+                f"actuator {late.actuator!r} acts {late.delay:.6g} s late, which is up to {needed} steps of this run, but its model"
+                f" keeps the controls of the last {late.samples} only; set nsample={needed} in the file, or take longer steps"
+            )
 
 
 def warn_of_limits(plant: SimulatedPlant, controller: Controller) -> None:

@@ -15,6 +15,7 @@ from invtrack.channels import Channels
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
 from invtrack.linear.state_space import OperatingPoint
+from invtrack.plant.actuator_delays import ActuatorDelay
 
 
 class Stepper(Protocol):
@@ -87,6 +88,7 @@ class SimulatedPlant:
         parameter_values: the plant's own values of these.
         parameter_bodies: for those that belong to one body, its name.
         breakpoints: times at which the plant changes by itself [s].
+        delays: of actuators that act later than they are told to.
     """
 
     name: str
@@ -104,6 +106,7 @@ class SimulatedPlant:
     parameter_values: Mapping[str, float] = field(default_factory=dict)
     parameter_bodies: Mapping[str, str] = field(default_factory=dict)
     breakpoints: Array = field(default_factory=lambda: np.zeros(0))
+    delays: tuple[ActuatorDelay, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from invtrack.control.observer import KalmanFilter, LuenbergerObserver, measured
+from invtrack.control.observer import KalmanFilter, LuenbergerObserver
 from invtrack.errors import ControlError
-from invtrack.linear.state_space import Measurement, StateSpace
+from invtrack.linear.state_space import StateSpace
 from tests.cited_plants import cantilever_paper
 from tests.linear.random_plants import assert_same_set
 
@@ -69,12 +69,6 @@ def test_modes_that_the_measurements_do_not_show_are_noticed_in_any_coordinates(
         (lambda: KalmanFilter(1.0, -1.0).gain(DOUBLE_INTEGRATOR, 0.1), r"measurement_noise must be positive, got \[-1\.0\]"),
         (lambda: KalmanFilter(np.nan, 1.0).gain(DOUBLE_INTEGRATOR, 0.1), r"input_noise must be finite, one number for each of"),
         (lambda: KalmanFilter([1.0, 1.0], 1.0).gain(DOUBLE_INTEGRATOR, 0.1), r"input_noise .* one number for each of \['u1'\]"),
-        (
-            lambda: measured(
-                StateSpace([[-1.0]], [[1.0]], [[1.0]], measurement=Measurement(*np.ones((2, 1, 1)), ("a",), np.zeros(1)))
-            ),
-            r"measurements \['a'\] depend on the input at once",
-        ),
     ],
 )
 def test_bad_input_is_refused(build: Callable[[], object], message: str) -> None:

@@ -128,3 +128,9 @@ def test_operating_points_agree_up_to_rounding() -> None:
     assert first.agrees_with(point([1e6 * (1 + 1e-12)], [1e-12]))
     assert not first.agrees_with(point([1e6], [1e-6]))
     assert not first.agrees_with(OperatingPoint(np.zeros(3), first.u0, first.y0))
+
+
+@pytest.mark.parametrize("left_out", ["dry friction", [0.3], 1])
+def test_what_is_left_out_is_a_list_of_texts(left_out: object) -> None:
+    with pytest.raises(ModelError, match="left_out must be a list of texts"):
+        StateSpace(A, B, C, left_out=left_out)  # type: ignore[arg-type]

@@ -141,8 +141,12 @@ def test_bad_names_are_answered_with_the_known_ones(tmp_path: Path, options: dic
     [
         ("</mujoco>", "<boddy/></mujoco>", {}, r"model.xml cannot be read as MJCF"),
         ('mass="2"', 'mass="0"', {}, r"does not compile.*mass"),
-        ('dyntype="filter"', 'dyntype="filter" delay="0.01" nsample="20"', {}, r"drive: delays and history buffers"),
-        ('joint="x"/>\n    <framepos', 'joint="x" delay="0.01" nsample="20"/>\n    <framepos', {}, r"position: delays and history"),
+        (
+            'joint="x"/>\n    <framepos',
+            'joint="x" delay="0.01" nsample="20"/>\n    <framepos',
+            {},
+            r"sensors position have delays .*Sensor\(delay=0.01\)",
+        ),
         ('<option gravity="0 0 0" integrator="RK4"/>', '<option><flag sensor="disable"/></option>', {}, r"disables sensors"),
         ("</sensor>", '<user name="own" dim="1"/></sensor>', {"outputs": ["own"]}, r"'own' is a user sensor"),
     ],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -13,6 +12,7 @@ from invtrack.arrays import Array, as_divisor
 from invtrack.plant.configuration import tangent_units
 from invtrack.plant.equilibrium.given import Given, Mask
 from invtrack.plant.plant import Plant
+from invtrack.plant.smooth_model import smooth_model
 
 STEP = 2.0**-17
 """Perturbation of each scaled unknown for central differences: they are good to 1e-10, enough for Newton's steps."""
@@ -59,7 +59,7 @@ class EquilibriumEquations:
 
     def __init__(self, plant: Plant, model: mujoco.MjModel, given: Given, *, constraints: bool) -> None:
         self.plant, self.given, self.constraints = plant, given, constraints
-        self.model = _for_search(model, constraints=constraints)
+        self.model = _for_search(plant, model, constraints=constraints)
         self.data = mujoco.MjData(self.model)
         plant.configuration.write(self.data)
         self.data.qvel[:] = 0
@@ -181,11 +181,9 @@ class EquilibriumEquations:
         return np.vstack([positions - present[:, None], activations, controls])
 
 
-def _for_search(model: mujoco.MjModel, *, constraints: bool) -> mujoco.MjModel:
-    """A copy without dry friction, sleep and clamped controls, and without contacts and limits unless these are constraints."""
-    model = copy.copy(model)
-    model.dof_frictionloss[:] = 0
-    model.tendon_frictionloss[:] = 0
+def _for_search(plant: Plant, model: mujoco.MjModel, *, constraints: bool) -> mujoco.MjModel:
+    """The smooth model without sleep and clamped controls, and without contacts and limits unless these are constraints."""
+    model = smooth_model(model, backlash=plant.backlash).model
     model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
     if not constraints:

@@ -48,7 +48,7 @@ class Given:
     Args:
         unknowns: what each is called.
         free: which of them are solved.
-        held: which controls are neither given nor solved: those of actuators that are no inputs.
+        held: what is neither given nor solved: controls of actuators that are no inputs, and the play of transmissions.
         qpos: the present positions with those that are given (nq,), from where displacements are measured.
         displacement: rotations that are given as a displacement, 0 elsewhere (nv,).
         ctrl: the present controls with those that are given (nu,).
@@ -112,6 +112,7 @@ def given_of(
     qpos, displacement, fixed = _positions(plant, model, positions)
     ctrl, given, solved = _controls(plant, model, controls, free)
     coordinates, nv = plant.coordinates, model.nv
+    still = np.isin(coordinates.names[:nv], plant.backlash) & ~fixed
     named = list(zip(coordinates.names, coordinates.units, strict=True))
     unknowns = [
         *(Unknown("position", *each) for each in named[:nv]),
@@ -120,8 +121,8 @@ def given_of(
     ]
     return Given(
         unknowns=tuple(unknowns),
-        free=np.concatenate([~fixed, np.ones(model.na, dtype=bool), solved]),
-        held=np.concatenate([np.zeros(model.nv + model.na, dtype=bool), ~given & ~solved]),
+        free=np.concatenate([~fixed & ~still, np.ones(model.na, dtype=bool), solved]),
+        held=np.concatenate([still, np.zeros(model.na, dtype=bool), ~given & ~solved]),
         qpos=qpos,
         displacement=displacement,
         ctrl=ctrl,

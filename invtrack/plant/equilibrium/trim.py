@@ -19,6 +19,7 @@ from invtrack.plant.equilibrium.search import EquilibriumSearch, Iterate
 from invtrack.plant.equilibrium.trim_point import TrimmedQuantity, TrimPoint
 from invtrack.plant.linearizable import constraint_name
 from invtrack.plant.plant import A_PLANT, Plant
+from invtrack.plant.smooth_model import smooth_model
 
 _OPTIONS = {"plant", "outputs", "positions", "controls", "free", "tolerance"}
 
@@ -55,7 +56,8 @@ def trim(
     Unknown are the positions (in tangent space, so quaternions stay of length 1), all activations, and the controls of the plant's
     inputs and of the actuators named in `free`; others keep theirs. Gravity, springs, tendons, servos, gravity compensation,
     equality constraints and the ranges of controls, activations and joints count. Dry friction does not: it may hold the mechanism
-    elsewhere, too. Contacts and limits count where there is no equilibrium without them, and the result names them.
+    elsewhere, too; nor does backlash: play stays as it is, and bears any load. Contacts and limits count where there is no
+    equilibrium without them, and the result names them.
 
     The search is local and starts from the plant's operating point (`plant.at`): where what is given leaves several equilibria it
     finds one near it. If the present posture will do it is kept, else the departure from it is the least; then the controls depart
@@ -128,7 +130,7 @@ def _bearing(plant: Plant, model: mujoco.MjModel) -> tuple[str, ...]:
 
 def _point(equations: EquilibriumEquations, found: Iterate, model: mujoco.MjModel, parameters: dict[str, float]) -> TrimPoint:
     plant = equations.plant_at(found.z)
-    data = plant.new_data(model)
+    data = plant.new_data(smooth_model(model, backlash=plant.backlash).model)
     with equations.forces():
         jacobian = equations.jacobian(found.z, equations.free)
     singular = np.linalg.svd(jacobian, compute_uv=False) if jacobian.size else np.zeros(0)
