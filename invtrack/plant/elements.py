@@ -8,7 +8,7 @@ from collections.abc import Container, Iterable, Sequence
 import mujoco
 import numpy as np
 
-from invtrack.arrays import Array, Indices, shown
+from invtrack.arrays import Indices, shown
 from invtrack.channels import Channels
 from invtrack.errors import PlantError
 from invtrack.plant.units import activation_unit, control_unit, joint_unit
@@ -115,14 +115,6 @@ def _control(model: mujoco.MjModel, name: str, actuators: Container[str]) -> tup
     actuator = element_id(model, "actuator", actuator_name)
     component = checked_component("actuator", name, component, int(model.actuator_ctrlnum[actuator]))
     return control_unit(model, actuator), int(model.actuator_ctrladr[actuator]) + component
-
-
-def control_limits(model: mujoco.MjModel, addresses: Addresses) -> Array:
-    """Lowest and highest value (p, 2) that the actuators pass on of the controls at these addresses; infinite where unlimited."""
-    limited = model.actuator_ctrllimited[addresses].astype(bool)
-    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL:
-        limited[:] = False
-    return np.where(limited[:, None], model.actuator_ctrlrange[addresses], np.array([-np.inf, np.inf]))
 
 
 def coordinate_channels(model: mujoco.MjModel) -> Channels:

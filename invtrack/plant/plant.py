@@ -24,13 +24,13 @@ from invtrack.plant.configuration import Configuration, state_of
 from invtrack.plant.couplings import VelocityCoupling, mujoco_callbacks, velocity_couplings
 from invtrack.plant.elements import (
     Addresses,
-    control_limits,
     coordinate_channels,
     dropped_states,
     input_channels,
     listed,
     scalar_joints,
 )
+from invtrack.plant.limits import control_limits
 from invtrack.plant.loading import Source, compile_spec, load_model, model_name
 from invtrack.plant.outputs import output_readings
 from invtrack.plant.parameters import Parameter, named_parameters
@@ -199,7 +199,11 @@ class Plant:
 
     @property
     def input_limits(self) -> Array:
-        """Lowest and highest value of each input that its actuator passes on, (m, 2); infinite where it is not limited."""
+        """Lowest and highest value of each input that its actuator passes on, (m, 2); infinite where it is not limited.
+
+        The tightest of ctrlrange and, where the force does not depend on the state, forcerange and actuatorfrcrange; see
+        `invtrack.plant.limits`.
+        """
         return control_limits(self.model, self.input_addresses)
 
     @property

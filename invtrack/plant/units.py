@@ -107,7 +107,7 @@ def activation_unit(model: mujoco.MjModel, actuator: int) -> str:
     """Unit of what the gain multiplies: an actuator's activation, or without dynamics its control."""
     if model.actuator_gaintype[actuator] == mujoco.mjtGain.mjGAIN_MUSCLE:
         return _MUSCLE
-    gain, servo, transmission = _constant_gain(model, actuator), servo_kind(model, actuator), _transmission(model, actuator)
+    gain, servo, transmission = constant_gain(model, actuator), servo_kind(model, actuator), _transmission(model, actuator)
     if gain is None or _affine_bias(model, actuator) is None:
         return _UNKNOWN
     if transmission.length and servo is not None:
@@ -117,7 +117,7 @@ def activation_unit(model: mujoco.MjModel, actuator: int) -> str:
 
 def servo_kind(model: mujoco.MjModel, actuator: int) -> Literal["position", "velocity"] | None:
     """What the actuator's force compares its activation with, its length or the velocity of it; None where it is no servo."""
-    gain, bias = _constant_gain(model, actuator), _affine_bias(model, actuator)
+    gain, bias = constant_gain(model, actuator), _affine_bias(model, actuator)
     if gain is None or bias is None:
         return None
     if bias[1] and math.isclose(gain, -bias[1], rel_tol=1e-9):
@@ -145,7 +145,7 @@ def gear_size(model: mujoco.MjModel, actuator: int) -> int:
     return 6 if kind == mujoco.mjtTrn.mjTRN_SITE else 1
 
 
-def _constant_gain(model: mujoco.MjModel, actuator: int) -> float | None:
+def constant_gain(model: mujoco.MjModel, actuator: int) -> float | None:
     """Force per activation; None where it depends on the state."""
     kind, (constant, *slopes) = model.actuator_gaintype[actuator], model.actuator_gainprm[actuator, :3]
     fixed = kind == mujoco.mjtGain.mjGAIN_FIXED or (kind == mujoco.mjtGain.mjGAIN_AFFINE and not np.any(slopes))

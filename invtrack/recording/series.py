@@ -158,7 +158,7 @@ def log10_error(result: RunResult) -> Array:
 
 
 def send_events(recording: rr.RecordingStream, result: RunResult, *, prefix: str = "") -> None:
-    """Send the events as a text log, and as vertical lines for the plots of output, error and input."""
+    """Send the events as a text log, and, with their ends, as vertical lines for the plots of output, error and input."""
     if not result.events:
         return
     times = np.array([event.time for event in result.events])
@@ -173,6 +173,8 @@ def send_events(recording: rr.RecordingStream, result: RunResult, *, prefix: str
         recording=recording,
         strict=True,
     )
+    ends = [event.until for event in result.events if event.until is not None and event.until < result.time[-1]]
+    marks = np.sort(np.concatenate([times, ends]))
     log_error = Signal(log10_error(result), result.output.channels)
     for name, signals in (
         ("output", (result.output, result.reference)),
@@ -182,7 +184,7 @@ def send_events(recording: rr.RecordingStream, result: RunResult, *, prefix: str
     ):
         for unit in channels_by_unit(signals[0]):
             path = entity_path(result.name, "event_lines", name, f"[{unit}]")
-            _send_vertical_lines(recording, path, result, times, _finite_range(signals, unit))
+            _send_vertical_lines(recording, path, result, marks, _finite_range(signals, unit))
 
 
 def _send_vertical_lines(

@@ -46,11 +46,16 @@ class Signal:
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened at a known time [s]: a parameter change, the start or end of the manoeuvre, the end of a run."""
+    """Something that happened at a known time [s]: a parameter change, the start or end of the manoeuvre, the end of a run.
+
+    A limit that acts ("limit") or a contact ("contact") is one event for as long as it lasts: from `time` until `until` [s], the
+    last time of the run where it lasted to its end. What happens at an instant has no `until`.
+    """
 
     time: float
-    kind: Literal["parameter", "manoeuvre", "end"]
+    kind: Literal["parameter", "manoeuvre", "limit", "contact", "end"]
     text: str
+    until: float | None = None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -68,8 +73,9 @@ class RunResult:
         state_reference: the state that the controller wants (NaN where it wants none).
         output, reference: actual and wanted output.
         planned_output: what the controller plans to deliver (equal to the reference for exact inversion; not for redesign).
-        commanded, applied: the controller's input, and what is left of it after the actuators' limits; with evaluate="stages" the
-            values at mid-step.
+        commanded, applied: the controller's input, and what is left of it after the actuators' limits: the control that would give
+            the force that acts, where limits on forces (forcerange, actuatorfrcrange) clamp it; with evaluate="stages" the values
+            at mid-step.
         parameters: the named physical parameters in force.
         manoeuvre: (T_i, T_f) [s].
         rest_inputs: inputs (2, p) with which the plan rests before and after the manoeuvre; NaN where it does not.

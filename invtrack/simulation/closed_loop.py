@@ -19,6 +19,7 @@ from invtrack.plans.problem import left_out_of
 from invtrack.plant.parameters import Change, ordered
 from invtrack.plant.plant import Plant
 from invtrack.results.result import Event, RunResult, Signal
+from invtrack.simulation.acting_limits import limit_events
 from invtrack.simulation.grid import Grid, held_instants, make_grid, stage_instants, update_times, updates_of_steps
 from invtrack.simulation.linear_plant import LinearPlant, linear_plant
 from invtrack.simulation.mujoco_plant import mujoco_plant
@@ -80,10 +81,12 @@ def simulate(
 
     A run that diverges (a state that is not finite, or MuJoCo's warnings about one) stops there; the result holds what was
     recorded, status "diverged" and the cause. A RuntimeWarning says beforehand where the plan needs more input than the actuators
-    pass on, where it starts elsewhere than the plant, where the feedback is unstable for being held so long, where the plan's zeros
+    pass on, goes beyond other limits of the mechanism (forces, activations, ranges of joints and tendons) or brings geoms into
+    contact, where it starts elsewhere than the plant, where the feedback is unstable for being held so long, where the plan's zeros
     are faster than that, and where sensors are given that the controller does not look at; a LongRunWarning where the run takes
     more than a million steps, or is cut short (then the result's `remarks` say so too) because its plan takes more than 500 000
-    to leave rest or to come to rest and neither `start` nor `end` asks for them.
+    to leave rest or to come to rest and neither `start` nor `end` asks for them. In the run each of the limits, while it acts, is
+    an event.
 
     Raises SimulationError, PlantError for what cannot be simulated as asked.
     """
@@ -215,6 +218,7 @@ def _result(
     T_i, T_f = controller.plan.manoeuvre
     events = [Event(T_i, "manoeuvre", "starts"), Event(T_f, "manoeuvre", "ends"), *parameters.events(plant.parameters, grid)]
     events += [Event(float(t), "parameter", "the linear model switches") for t in plant.breakpoints]
+    events += limit_events(recorded.acting, time, (T_i, T_f))
     if message:
         events.append(Event(float(time[-1]), "end", message))
     return RunResult(
@@ -226,7 +230,7 @@ def _result(
         reference=Signal(plan.y_d, plant.outputs),
         planned_output=Signal(plan.y, plant.outputs),
         commanded=Signal(recorded.u, plant.inputs),
-        applied=Signal(np.clip(recorded.u, *plant.input_limits.T), plant.inputs),
+        applied=Signal(recorded.applied, plant.inputs),
         parameters=Signal(parameters.table(plant.parameters, grid)[:steps], plant.parameters),
         manoeuvre=(T_i, T_f),
         rest_inputs=controller.plan.rest_inputs,

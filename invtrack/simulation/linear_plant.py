@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,6 +15,7 @@ from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
 from invtrack.linear.propagation import zero_order_hold
 from invtrack.linear.switched import as_switched
+from invtrack.simulation.acting_limits import ActingLimit, Stretches, clipped
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 
@@ -110,6 +111,20 @@ class LinearStepper:
     def deviations(self, raw: Array) -> Array:
         """The raw states themselves."""
         return raw
+
+    def passed_on(self, raw: Array, u: Array) -> tuple[Array, Array]:
+        """The inputs within their limits, and how far they were beyond."""
+        return clipped(u, self._plant.input_limits)
+
+    @property
+    def limits(self) -> Sequence[ActingLimit]:
+        """Those of the inputs."""
+        inputs = self._plant.model.inputs
+        return [ActingLimit(f"limit of {name}", unit) for name, unit in zip(inputs.names, inputs.units, strict=True)]
+
+    def constrained(self) -> Mapping[ActingLimit, Stretches]:
+        """Nothing else limits a linear plant."""
+        return {}
 
     def positions(self, raw: Array) -> Array:
         """No columns: there is no geometry."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,11 @@ from invtrack.plant.actuator_delays import actuator_delays, fill_histories
 from invtrack.plant.configuration import configuration_of
 from invtrack.plant.couplings import mujoco_callbacks
 from invtrack.plant.plant import Plant
+from invtrack.simulation.acting_limits import ActingLimit, Stretches
+from invtrack.simulation.active_constraints import ActiveConstraints, ConstraintWatch
+from invtrack.simulation.actuation import Actuation
 from invtrack.simulation.live_readings import LiveReadings
+from invtrack.simulation.planned_limits import limits_along
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 STAGES_OF_RK4 = (0, 1, 1, 2)
@@ -44,6 +48,7 @@ def mujoco_plant(plant: Plant) -> SimulatedPlant:
         rest=np.zeros(plant.n_states),
         input_limits=plant.input_limits,
         stepper=partial(MujocoStepper, plant),
+        beyond=partial(limits_along, plant),
         binary=partial(_binary, plant),
         parameters=plant.parameter_channels,
         parameter_values=plant.parameter_values,
@@ -80,6 +85,9 @@ class MujocoStepper:
         self._entered = False
         self._forward = self._with_forces(mujoco.mj_forward)
         self.control, self.advance = self._control_and_step(plant.input_addresses)
+        self._watch = ConstraintWatch(ActiveConstraints(self.model), data)
+        self.advance = self._watch.around(self.advance)
+        self._actuation = Actuation(plant, self.model)
         self._kept = slice(None) if not plant.dropped else plant.state_addresses
         self.raw_is_deviation = self.model.nq == self.model.nv and not np.any(self._x0) and not plant.dropped
 
@@ -117,6 +125,7 @@ class MujocoStepper:
             self._entered = True
         if parameters:
             self.plant.apply(self.model, parameters)
+            self._actuation = Actuation(self.plant, self.model)
 
     def refresh(self) -> None:
         """Bring `sensors` up to the present state: after mj_step they are one step old."""
@@ -137,6 +146,19 @@ class MujocoStepper:
     def positions(self, raw: Array) -> Array:
         """qpos (k, nq) of raw states (k, nq + nv + na)."""
         return raw[:, : self.model.nq]
+
+    def passed_on(self, raw: Array, u: Array) -> tuple[Array, Array]:
+        """What the actuators make of inputs; see `invtrack.simulation.actuation`."""
+        return self._actuation.passed_on(raw, u, self.model.opt.timestep)
+
+    @property
+    def limits(self) -> Sequence[ActingLimit]:
+        """Those of the actuators."""
+        return self._actuation.limits
+
+    def constrained(self) -> Mapping[ActingLimit, Stretches]:
+        """When ranges of joints and tendons, and contacts, acted."""
+        return self._watch.stretches()
 
     @contextmanager
     def stages(self, law: Law) -> Iterator[RungeKuttaInput]:

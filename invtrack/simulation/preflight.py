@@ -20,6 +20,7 @@ from invtrack.plans.input_tail import input_tail
 from invtrack.plans.tail import SIDES
 from invtrack.plant.parameters import Change
 from invtrack.simulation.grid import Grid
+from invtrack.simulation.acting_limits import noticeable, size_of
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 STACK = 3
@@ -98,17 +99,25 @@ def require_histories(plant: SimulatedPlant, grid: Grid) -> None:
 
 
 def warn_of_limits(plant: SimulatedPlant, controller: Controller) -> None:
-    """Say before anything is simulated where the plan exceeds the actuators."""
+    """Say before anything is simulated where the plan exceeds the actuators and other limits of the mechanism."""
     lowest, highest = controller.plan.input_range
+    least, most = plant.input_limits.T
+    needed = noticeable(np.maximum(least - lowest, highest - most), size_of(plant.input_limits))
     for i, (name, unit) in enumerate(zip(plant.inputs.names, plant.inputs.units, strict=True)):
-        low, high = plant.input_limits[i]
-        if lowest[i] < low or highest[i] > high:
-            needed = f"{name} from {lowest[i]:.4g} to {highest[i]:.4g} {unit}".rstrip()
+        if needed[i] > 0:
+            span = f"{name} from {lowest[i]:.4g} to {highest[i]:.4g} {unit}".rstrip()
             warnings.warn(
-                f"the plan needs {needed}, its actuator passes on {low:.4g} to {high:.4g}: expect saturation",
+                f"the plan needs {span}, its actuator passes on {least[i]:.4g} to {most[i]:.4g}: expect saturation",
                 RuntimeWarning,
                 stacklevel=STACK,
             )
+    for limit, first, excess in plant.beyond(controller.plan):
+        amount = f"{excess:.3g} {limit.unit}".rstrip()
+        if limit.kind == "contact":
+            message = f"the plan leads into a {limit.text}, {amount} deep, from t = {first:.4g} s on: expect it to stop the motion"
+        else:
+            message = f"the plan goes beyond the {limit.text} by up to {amount}, from t = {first:.4g} s on: expect it to be limited"
+        warnings.warn(message, RuntimeWarning, stacklevel=STACK)
 
 
 def warn_of_unused_sensors(controller: Controller, sensors: Mapping[str, object]) -> None:

@@ -16,6 +16,8 @@ from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
 from invtrack.linear.state_space import OperatingPoint
 from invtrack.plant.actuator_delays import ActuatorDelay
+from invtrack.plans.plan import Plan
+from invtrack.simulation.acting_limits import ActingLimit, Stretches
 
 
 class Stepper(Protocol):
@@ -54,6 +56,22 @@ class Stepper(Protocol):
         """qpos (k, nq) of raw states (k, r); without columns for a plant without geometry."""
         ...
 
+    def passed_on(self, raw: Array, u: Array) -> tuple[Array, Array]:
+        """What is applied of inputs u (k, p) in steps that begin at raw states (k, r), and the excess over each limit (k, L).
+
+        For steps of the present interval; see `limits`.
+        """
+        ...
+
+    @property
+    def limits(self) -> Sequence[ActingLimit]:
+        """The limits of actuators that may act, in the order of the columns of an excess, the inputs' first."""
+        ...
+
+    def constrained(self) -> Mapping[ActingLimit, Stretches]:
+        """When other limits and contacts acted, in the steps taken so far."""
+        ...
+
     def stages(self, law: Law) -> AbstractContextManager[StageInput]:
         """A block in which the law is evaluated at every stage of the integrator instead of being held."""
         ...
@@ -83,6 +101,8 @@ class SimulatedPlant:
         rest: the state in which it is at rest before anything changes (n,).
         input_limits: lowest and highest value of each input that the actuator passes on (p, 2).
         stepper: makes a stepper that starts at a state x (n,) with given parameter values.
+        beyond: limits that a plan goes beyond, those of the inputs aside: each with the time [s] at which it first does, and by
+            how much at most.
         binary: makes the compiled MuJoCo model with given parameter values, for the 3-D scene; empty where there is none.
         parameters: names and units of the physical parameters that may change during a run.
         parameter_values: the plant's own values of these.
@@ -101,6 +121,7 @@ class SimulatedPlant:
     rest: Array
     input_limits: Array
     stepper: Callable[[Array, Mapping[str, float]], Stepper]
+    beyond: Callable[[Plan], Sequence[tuple[ActingLimit, float, float]]] = lambda plan: ()
     binary: Callable[[Mapping[str, float]], bytes] = lambda parameters: b""
     parameters: Channels = field(default_factory=Channels)
     parameter_values: Mapping[str, float] = field(default_factory=dict)

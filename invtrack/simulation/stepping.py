@@ -12,6 +12,7 @@ import numpy as np
 from invtrack.arrays import Array, Indices
 from invtrack.control.protocol import AffineLaw, Law
 from invtrack.plant.couplings import mujoco_warnings
+from invtrack.simulation.acting_limits import ActingLimit, Stretches
 from invtrack.simulation.grid import Grid
 from invtrack.simulation.simulated_plant import SensorChain, StageInput, Stepper
 
@@ -31,9 +32,10 @@ class Recorded:
 
     Args:
         x, qpos, y: states (M + 1, n), positions (M + 1, nq) and outputs (M + 1, p).
-        u: commanded input (M, p).
+        u, applied: commanded input and what is left of it after the actuators' limits (M, p).
         measured, estimate: what the sensors showed at the latest update (M, m), and the state estimated from it (M, n); both
             without columns where the controller knows the state.
+        acting: the steps in which limits acted.
         cause: why the run ended early; empty where it did not.
     """
 
@@ -41,15 +43,18 @@ class Recorded:
     qpos: Array
     y: Array
     u: Array
+    applied: Array
     measured: Array
     estimate: Array
+    acting: dict[ActingLimit, Stretches]
     cause: str
 
     def cut(self, steps: int, cause: str) -> Recorded:
         """The first steps only."""
         nodes = slice(steps + 1)
-        held = (self.u[:steps], self.measured[:steps], self.estimate[:steps])
-        return Recorded(self.x[nodes], self.qpos[nodes], self.y[nodes], *held, cause)
+        held = (self.u[:steps], self.applied[:steps], self.measured[:steps], self.estimate[:steps])
+        acting = {limit: spans.until(steps) for limit, spans in self.acting.items()}
+        return Recorded(self.x[nodes], self.qpos[nodes], self.y[nodes], *held, acting, cause)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,35 +84,49 @@ class Run:
         rows = np.empty((total + 1, width + p))  # room for an affine law's offsets beside the raw states
         raw = rows[:, :width]
         seen = np.empty((total + 1, stepper.sensors.size))
-        u = np.empty((total, p))
+        u, applied = np.empty((total, p)), np.empty((total, p))
+        acting: dict[ActingLimit, list[Stretches]] = {}
         parts = self._parts(raw)
         with_sensors = self.measures == "sensors"
         measured = np.empty((total, stepper.measurement_columns.size if with_sensors else 0))
         estimate = np.empty((total, stepper.deviations(raw[:1]).shape[1] if with_sensors else 0))
+
+        def review(steps: range) -> None:
+            """See, chunk by chunk, what the actuators passed on of the inputs of steps just taken."""
+            rows = slice(steps.start, steps.stop)
+            applied[rows], excess = stepper.passed_on(raw[rows], u[rows])
+            for limit, beyond in zip(stepper.limits, excess.T, strict=True):
+                if np.any(beyond):
+                    acting.setdefault(limit, []).append(Stretches.of_excess(beyond, first=steps.start))
+
         # Until the check at a chunk's end sees it, a diverging run may compute with infinities.
         with mujoco_warnings() as texts, np.errstate(all="ignore"):
             if at_stages:
                 with stepper.stages(self.law) as stage_input:
-                    done = self._take_steps(lambda steps: self._at_stages(stage_input, steps, parts, seen, u), progress)
+                    done = self._take_steps(lambda steps: self._at_stages(stage_input, steps, parts, seen, u), review, progress)
             elif with_sensors:
-                done = self._take_steps(lambda steps: self._sensor_feedback(steps, parts, seen, u, measured, estimate), progress)
+                done = self._take_steps(
+                    lambda steps: self._sensor_feedback(steps, parts, seen, u, measured, estimate), review, progress
+                )
             elif isinstance(self.law, AffineLaw) and len(self.law.offset) == total and stepper.raw_is_deviation:
                 rows[:-1, width:] = self.law.offset
                 law = self.law
-                done = self._take_steps(lambda steps: self._affine_feedback(law, steps, rows, parts, seen, u), progress)
+                done = self._take_steps(lambda steps: self._affine_feedback(law, steps, rows, parts, seen, u), review, progress)
             else:
-                done = self._take_steps(lambda steps: self._state_feedback(steps, raw, parts, seen, u), progress)
+                done = self._take_steps(lambda steps: self._state_feedback(steps, raw, parts, seen, u), review, progress)
             for target, part in parts:
                 target[done] = part
             stepper.refresh()
             seen[done] = stepper.sensors
             x = stepper.deviations(raw[: done + 1])
         y = seen[: done + 1, stepper.output_columns]
-        recorded = Recorded(x, stepper.positions(raw[: done + 1]), y, u[:done], measured[:done], estimate[:done], "")
+        held = (u[:done], applied[:done], measured[:done], estimate[:done])
+        spans = {**stepper.constrained(), **{limit: Stretches.joined(found) for limit, found in acting.items()}}
+        recorded = Recorded(x, stepper.positions(raw[: done + 1]), y, *held, spans, "")
         return _kept(recorded, texts)
 
-    def _take_steps(self, take: Callable[[range], None], progress: Progress | None) -> int:
-        """Interval by interval, in chunks; returns the number of steps taken."""
+    def _take_steps(self, take: Callable[[range], None], review: Callable[[range], None], progress: Progress | None) -> int:
+        """Interval by interval, in chunks that are reviewed; returns the number of steps taken."""
         grid, done = self.grid, 0
         for k, step in enumerate(grid.step):
             self.stepper.enter(float(step), float(grid.edges[k]), self.changes.get(k, {}))
@@ -115,6 +134,7 @@ class Run:
             while done < last:
                 chunk = range(done, min(done + CHECK_EVERY, last))
                 take(chunk)
+                review(chunk)
                 done = chunk.stop
                 if self.stepper.failed():
                     return done

@@ -14,7 +14,8 @@ from invtrack.arguments import by_name, texts
 from invtrack.arrays import Array, Indices, finite_number, real_numbers, real_vector, shown
 from invtrack.channels import Channels
 from invtrack.errors import PlantError
-from invtrack.plant.elements import control_limits, element_name, listed
+from invtrack.plant.elements import element_name, listed
+from invtrack.plant.limits import control_limits
 from invtrack.plant.plant import Plant
 from invtrack.plant.readings import Readings
 from invtrack.plant.units import control_unit
@@ -232,7 +233,7 @@ def _controls(plant: Plant, model: mujoco.MjModel, controls: Values | ArrayLike,
         ((low, high),) = control_limits(model, np.array([address]))
         if not low <= number <= high:
             raise PlantError(
-                f"control {name!r} is given as {number:g}, beyond its ctrlrange [{low:g}, {high:g}]; give one within it"
+                f"control {name!r} is given as {number:g}; its actuator passes on {low:g} to {high:g}: give one within that"
             )
         if name in free or given[address]:
             raise PlantError(f"control {name!r} is given twice, or both given and free; name it once")
