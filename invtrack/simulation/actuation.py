@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Callable, Sequence
 
 import mujoco
@@ -18,8 +17,10 @@ from invtrack.simulation.acting_limits import ActingLimit, clipped, noticeable, 
 
 Stage = Callable[[mujoco.MjModel, mujoco.MjData], None]
 
-PER_STEP = 1e-9
-"""An activation is clamped where one step would take it beyond its range by more than this share of the range."""
+_FILTERS = tuple(map(int, (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)))
+
+ONE_STEP = 1e-3
+"""What a single step would add to a clamped activation is noticed from this share of what else is noticed on."""
 
 
 class Actuation:
@@ -44,7 +45,7 @@ class Actuation:
         plant.configuration.write(self._data)
         self._held = np.clip(self._data.ctrl, *control_limits(model, np.arange(model.nu)).T)  # of those that are no inputs
 
-    def passed_on(self, raw: Array, u: Array, timestep: float) -> tuple[Array, Array]:
+    def passed_on(self, raw: Array, u: Array, after: Array | None = None) -> tuple[Array, Array]:
         """What is applied of inputs u (k, p) at raw states (k, nq + nv + na), and the excess over each limit (k, L).
 
         An input that is clamped on its way is what would give the force that acts: of an actuator without activation
@@ -52,14 +53,15 @@ class Actuation:
         that act on that joint, as they contribute to it. Of an actuator with an activation, whose force does not follow its control
         at once, and of what acts on a clamped joint through a tendon or a site, it is the input within its own limits.
 
-        timestep [s]: an activation is clamped where it would be beyond its range after it; 0: where it is already.
+        after (k, nq + nv + na): the raw states at the ends of the steps, which show where an activation was clamped; without them,
+        as along a plan, activations are compared with their range as they are.
         """
         applied, excess = clipped(u, self._input_limits)
         if not self._forces.limits:
             return applied, excess
         controls = np.tile(self._held, (len(u), 1))
         controls[:, self._addresses] = applied
-        change, beyond = self._forces.clamped(self._data, raw, controls, timestep)
+        change, beyond = self._forces.clamped(self._data, raw, controls, after)
         return applied + change[:, self._addresses], np.hstack([excess, beyond])
 
 
@@ -98,7 +100,7 @@ class _Forces:
         self._outputs = [slice(int(a), int(a + n)) for a, n in zip(model.actuator_outadr, model.actuator_outnum, strict=True)]
         self._direct = [i for i in inputs if model.actuator_actnum[i] == 0 and model.actuator_ctrlnum[i] == 1]
 
-    def clamped(self, data: mujoco.MjData, raw: Array, controls: Array, timestep: float) -> tuple[Array, Array]:
+    def clamped(self, data: mujoco.MjData, raw: Array, controls: Array, after: Array | None) -> tuple[Array, Array]:
         """By how much limits change the controls (k, nu), and the excess over each of them (k, L)."""
         model = self._model
         force, total, rate = self._act(self._free, data, raw, controls)
@@ -115,8 +117,10 @@ class _Forces:
             rows = np.flatnonzero(np.any(change, axis=1))
             total[rows] = self._act(self._without_joints, data, raw[rows], controls[rows])[1]
             excess += [self._at_joint(joint, total, acting, change) for joint in self._joints]
-        activations = raw[:, model.nq + model.nv :]
-        excess += [self._of_activation(i, activations + self._time_of(i, timestep) * rate, timestep) for i in self._active]
+        first = model.nq + model.nv
+        for i in self._active:
+            at, reached = raw[:, first:], None if after is None else after[:, first:]
+            excess.append(self._of_activation(i, at, rate, reached))
         return self._as_controls(data, raw, controls, force, change), np.column_stack(excess)
 
     def _at_tendon(self, tendon: int, acting: Array) -> Array:
@@ -148,21 +152,25 @@ class _Forces:
             change[:, columns] += cut[:, None] * share / gears
         return noticeable(np.abs(cut), size_of(limits))
 
-    def _time_of(self, actuator: int, timestep: float) -> float:
-        """For how long [s] an activation moves at its initial rate to come as far as MuJoCo's step does."""
-        if self._model.actuator_dyntype[actuator] != mujoco.mjtDyn.mjDYN_FILTEREXACT:
-            return timestep
-        constant = max(float(self._model.actuator_dynprm[actuator, 0]), mujoco.mjMINVAL)
-        return float(-constant * math.expm1(-timestep / constant))
+    def _of_activation(self, actuator: int, act: Array, rate: Array, reached: Array | None) -> Array:
+        """Excess of an actuator's activations `act` (k, na), which change at `rate` [1/s] and are `reached` a step later.
 
-    def _of_activation(self, actuator: int, activations: Array, timestep: float) -> Array:
-        """Excess of an actuator's activations (k, na)."""
-        limits, first = self._model.actuator_actrange[actuator], int(self._model.actuator_actadr[actuator])
-        values = activations[:, first : first + int(self._model.actuator_actnum[actuator])]
-        beyond = np.max(np.abs(values - np.clip(values, *limits)), axis=1)
-        if timestep == 0:
-            return noticeable(beyond, size_of(limits))
-        return np.where(beyond > PER_STEP * size_of(limits), beyond, 0.0)
+        A clamped one is exactly at the end of its range after the step, and would have gone on: a filter to the control that it
+        follows, anything else by what its rate adds in one step.
+        """
+        model, first = self._model, int(self._model.actuator_actadr[actuator])
+        columns = slice(first, first + int(model.actuator_actnum[actuator]))
+        limits = model.actuator_actrange[actuator]
+        if reached is None:
+            excess = act[:, columns] - np.clip(act[:, columns], *limits)
+            return noticeable(np.max(np.abs(excess), axis=1), size_of(limits))
+        filtered = model.actuator_dyntype[actuator] in _FILTERS
+        onwards = float(model.actuator_dynprm[actuator, 0]) if filtered else model.opt.timestep
+        wanted = act[:, columns] + onwards * rate[:, columns]
+        excess = wanted - np.clip(wanted, *limits)
+        excess[~np.isin(reached[:, columns], limits)] = 0.0
+        excess = np.max(np.abs(excess), axis=1)
+        return noticeable(excess, size_of(limits) * (1.0 if filtered else ONE_STEP))
 
     def _as_controls(self, data: mujoco.MjData, raw: Array, controls: Array, force: Array, change: Array) -> Array:
         """The changes of control (k, nu) that make the changes of force, of actuators whose force follows their control."""

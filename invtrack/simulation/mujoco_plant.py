@@ -149,7 +149,7 @@ class MujocoStepper:
 
     def passed_on(self, raw: Array, u: Array) -> tuple[Array, Array]:
         """What the actuators make of inputs; see `invtrack.simulation.actuation`."""
-        return self._actuation.passed_on(raw, u, self.model.opt.timestep)
+        return self._actuation.passed_on(raw, u, after=np.vstack([raw[1:], np.concatenate(self.state)]))
 
     @property
     def limits(self) -> Sequence[ActingLimit]:

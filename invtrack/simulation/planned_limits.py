@@ -31,7 +31,7 @@ def limits_along(plant: Plant, plan: Plan) -> list[tuple[ActingLimit, float, flo
         raw = _raw_states(plant, model, plan, samples.x)
         constraints, actuation = ActiveConstraints(model), Actuation(plant, model)
         inputs = len(plant.inputs)
-        _, excess = actuation.passed_on(raw, samples.u, 0.0)
+        _, excess = actuation.passed_on(raw, samples.u)
         for limit, beyond in zip(actuation.limits[inputs:], excess.T[inputs:], strict=True):
             _keep(found, limit, samples.time, beyond)
         if constraints.possible:

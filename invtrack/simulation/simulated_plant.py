@@ -59,7 +59,7 @@ class Stepper(Protocol):
     def passed_on(self, raw: Array, u: Array) -> tuple[Array, Array]:
         """What is applied of inputs u (k, p) in steps that begin at raw states (k, r), and the excess over each limit (k, L).
 
-        For steps of the present interval; see `limits`.
+        The steps are the latest, all of the present interval; the columns of the excess are those of `limits`.
         """
         ...
 
