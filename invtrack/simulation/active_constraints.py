@@ -28,7 +28,11 @@ class ActiveConstraints:
         self._model = model
         self.possible = _possible(model)
         self.limit = cache(self._limit)
-        self._size = {"joint": size_of(model.jnt_range), "tendon": size_of(model.tendon_range)}
+        self._rounding = {
+            "joint": (NOTICEABLE * size_of(model.jnt_range)).tolist(),
+            "tendon": (NOTICEABLE * size_of(model.tendon_range)).tolist(),
+        }
+        self._geom_rounding = cache(self._contact_rounding)
 
     def excess(self, data: mujoco.MjData) -> dict[Key, float]:
         """How far data, after mj_step, mj_forward or mj_fwdPosition, are beyond each limit, and how deep contacts are."""
@@ -39,14 +43,14 @@ class ActiveConstraints:
             depths = (data.efc_margin[rows] - data.efc_pos[rows]).tolist()
             for kind, index, depth in zip(data.efc_type[rows].tolist(), data.efc_id[rows].tolist(), depths, strict=True):
                 element = _LIMITS[kind]
-                if depth > NOTICEABLE * self._size[element][index]:
+                if depth > self._rounding[element][index]:
                     found[element, index, 0] = max(depth, found.get((element, index, 0), 0.0))
         if data.ncon:
             contact = data.contact
             depths = (contact.includemargin - contact.dist).tolist()
             for (one, other), excluded, depth in zip(contact.geom.tolist(), contact.exclude.tolist(), depths, strict=True):
-                key = ("contact", min(one, other), max(one, other))
-                if not excluded and depth > NOTICEABLE * self._geom_size(one, other):
+                if not excluded and depth > self._geom_rounding(one, other):
+                    key = ("contact", min(one, other), max(one, other))
                     found[key] = max(depth, found.get(key, 0.0))
         return found
 
@@ -59,10 +63,10 @@ class ActiveConstraints:
         unit = joint_unit(self._model, index) if kind == "joint" else tendon_unit(self._model, index)
         return ActingLimit(f"range of {kind} {element_name(self._model, kind, index)}", unit)
 
-    def _geom_size(self, *geoms: int) -> float:
-        """The smaller one's radius; planes have none."""
+    def _contact_rounding(self, *geoms: int) -> float:
+        """How deep a contact is only by rounding: a small share of the smaller geom's radius; planes have none."""
         radii = [float(self._model.geom_rbound[geom]) for geom in geoms if geom >= 0 and self._model.geom_rbound[geom] > 0]
-        return min(radii, default=float(self._model.stat.extent))
+        return NOTICEABLE * min(radii, default=float(self._model.stat.extent))
 
 
 class ConstraintWatch:

@@ -12,11 +12,16 @@ from invtrack.arrays import Array
 from invtrack.plant.elements import element_name
 from invtrack.plant.limits import actuator_of, control_limit, control_limits, limit_text, scalar_joint
 from invtrack.plant.plant import Plant
-from invtrack.plant.units import activation_unit
+from invtrack.plant.units import activation_unit, constant_gain
 from invtrack.simulation.acting_limits import ActingLimit, clipped, noticeable, size_of
 
 Stage = Callable[[mujoco.MjModel, mujoco.MjData], None]
 
+_LINEAR_DYNAMICS = tuple(
+    map(
+        int, (mujoco.mjtDyn.mjDYN_NONE, mujoco.mjtDyn.mjDYN_INTEGRATOR, mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)
+    )
+)
 _FILTERS = tuple(map(int, (mujoco.mjtDyn.mjDYN_FILTER, mujoco.mjtDyn.mjDYN_FILTEREXACT)))
 
 ONE_STEP = 1e-3
@@ -29,7 +34,8 @@ class Actuation:
     Limits that are the same in every state (`invtrack.plant.limits`) only clip the inputs. What depends on the state (the force of
     a servo or a muscle, the total at a tendon or a joint, activations) is asked of MuJoCo: the forces that act without limits, from
     which those that the limits leave follow, in MuJoCo's order: forcerange, total at the tendon, total at the joint. A model
-    without such limits costs nothing beyond the clipping.
+    without such limits costs nothing beyond the clipping; forces that are affine in state and control, as those of servos on
+    slides and hinges, cost one product of matrices, whose coefficients MuJoCo is asked for once.
 
     limits: the limits that may act, in the order of the columns of `excess`; the first p are those of the inputs.
     """
@@ -97,13 +103,14 @@ class _Forces:
         self._without_joints = copy.copy(model)
         self._without_joints.jnt_actfrclimited[:] = False
         self._prepare = _preparation(self._free)
+        self._affine = self._affine_map() if _is_affine(model) else None
         self._outputs = [slice(int(a), int(a + n)) for a, n in zip(model.actuator_outadr, model.actuator_outnum, strict=True)]
         self._direct = [i for i in inputs if model.actuator_actnum[i] == 0 and model.actuator_ctrlnum[i] == 1]
 
     def clamped(self, data: mujoco.MjData, raw: Array, controls: Array, after: Array | None) -> tuple[Array, Array]:
         """By how much limits change the controls (k, nu), and the excess over each of them (k, L)."""
         model = self._model
-        force, total, rate = self._act(self._free, data, raw, controls)
+        force, total, rate = self._without_limits(data, raw, controls)
         acting = force.copy()
         excess = []
         for i in self._forced:
@@ -182,10 +189,28 @@ class _Forces:
             at = controls[rows][:, addresses]
             moved = controls[rows].copy()
             moved[:, addresses] += (step := np.where(at != 0, at, 1.0))
-            gain = (self._act(self._free, data, raw[rows], moved)[0][:, outputs] - force[rows][:, outputs]) / step
+            gain = (self._without_limits(data, raw[rows], moved)[0][:, outputs] - force[rows][:, outputs]) / step
             part = change[rows][:, outputs]
             result[np.ix_(rows, addresses)] = np.divide(part, gain, out=np.zeros_like(part), where=gain != 0)
         return result
+
+    def _without_limits(self, data: mujoco.MjData, raw: Array, controls: Array) -> tuple[Array, Array, Array]:
+        """As `_act`, without limits."""
+        if self._affine is None:
+            return self._act(self._free, data, raw, controls)
+        at_zero, rates = self._affine
+        every = at_zero + np.hstack([raw, controls]) @ rates
+        model = self._model
+        force, total, rate = np.split(every, [every.shape[1] - model.nv - model.na, every.shape[1] - model.na], axis=1)
+        return force, total, rate
+
+    def _affine_map(self) -> tuple[Array, Array]:
+        """What `_act` is at zero, and its derivatives, where it is affine in state and control: differences over steps of 1."""
+        model, data = self._free, mujoco.MjData(self._free)
+        points = np.eye(1 + model.nq + model.nv + model.na + model.nu)[:, 1:]
+        controls = points[:, model.nq + model.nv + model.na :]
+        values = np.hstack(self._act(model, data, points[:, : model.nq + model.nv + model.na], controls))
+        return values[0], values[1:] - values[0]
 
     def _act(self, model: mujoco.MjModel, data: mujoco.MjData, raw: Array, controls: Array) -> tuple[Array, Array, Array]:
         """Forces (k, nout), their totals at the degrees of freedom (k, nv), and rates of activations (k, na)."""
@@ -205,6 +230,21 @@ class _Forces:
             for target, live in read:
                 target[i] = live
         return force, total, rate
+
+
+def _is_affine(model: mujoco.MjModel) -> bool:
+    """Whether forces and rates of activations are affine in state and control: motors, servos, filters on slides and hinges."""
+    on_tendon = model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON
+    on_joint = [scalar_joint(model, i) is not None for i in range(model.nactuator)]
+    return bool(
+        np.all(on_tendon | on_joint)
+        and np.all(model.wrap_type == mujoco.mjtWrap.mjWRAP_JOINT)
+        and all(constant_gain(model, i) is not None for i in range(model.nactuator))
+        and np.all(np.isin(model.actuator_biastype, (mujoco.mjtBias.mjBIAS_NONE, mujoco.mjtBias.mjBIAS_AFFINE)))
+        and np.all(np.isin(model.actuator_dyntype, _LINEAR_DYNAMICS))
+        and not np.any(model.jnt_actgravcomp)
+        and not np.any(model.actuator_dampingpoly)
+    )
 
 
 def _preparation(model: mujoco.MjModel) -> list[Stage]:
