@@ -21,7 +21,9 @@ from invtrack.plant.plant import A_PLANT, Plant
 
 
 def with_input_limits(plant: Plant, limits: Mapping[str, ArrayLike]) -> Plant:
-    """The plant whose actuators pass on only the inputs within `limits` (their ctrlrange), whatever the file allows.
+    """The plant whose actuators pass on only the inputs within `limits` (their ctrlrange), in place of the file's ctrlrange.
+
+    Limits on forces that the file states stay, and `Plant.input_limits` are the tightest of both.
 
     limits: (lowest, highest) by the name of the input, in its unit; a number stands for (-number, number). Inputs that are not
     named keep their range.

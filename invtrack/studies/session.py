@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from invtrack.control.protocol import Controller
 from invtrack.errors import InvtrackError, LongRunWarning
 from invtrack.plant.plant import Plant
-from invtrack.results.result import RunResult
+from invtrack.results.result import Event, RunResult
 from invtrack.simulation.closed_loop import simulate
 from invtrack.simulation.linear_plant import LinearPlant
 from invtrack.studies.options import StudyOptions
@@ -37,7 +37,8 @@ class Session:
 
     runs: the completed runs by case. numbers: of each case that was tried, what the summary says of it: its metrics and
     its "status", "completed", "diverged" or "refused". sections: values of the sweeps and sections that are done.
-    diverged: what was lost to divergence, with the reason. remarks: what simulations warned of, by the name of the run.
+    diverged: what was lost to divergence, with the reason. remarks: what simulations warned of and which
+    limits acted in them, by the name of the run.
 
     Where `session[case]`, `numbers_of`, `among` or `section` is asked for what is not there, the study leaves out the figure,
     section or text that asks: a study of which only some cases are run, or diverge, shows what there is.
@@ -90,7 +91,7 @@ class Session:
         return rows
 
     def simulate(self, plant: Plant | LinearPlant, controller: Controller, *, name: str, **settings: Any) -> RunResult:
-        """`invtrack.simulate` with the study's timestep, seed and progress, its warnings kept as remarks.
+        """`invtrack.simulate` with the study's timestep, seed and progress, its warnings and the limits that acted kept as remarks.
 
         settings: further arguments, or others in place of these. Raises DivergedError where the run diverges.
         """
@@ -103,7 +104,10 @@ class Session:
         """The same, with a run that diverged returned as it is."""
         given = {"timestep": self._options.timestep, "seed": self._options.seed, "progress": self._report, **settings}
         with self._heard(name):
-            return simulate(plant, controller, name=name, **given)
+            result = simulate(plant, controller, name=name, **given)
+        for text in _limits_that_acted(result):
+            self._remark(name, text)
+        return result
 
     @contextmanager
     def _heard(self, name: str) -> Iterator[None]:
@@ -121,10 +125,8 @@ class Session:
             text = str(message)
             if not issubclass(category, RuntimeWarning):
                 others.append((message, category, filename, lineno))
-            elif text not in self.remarks.setdefault(name, []):
-                self.remarks[name].append(text)
-                if issubclass(category, LongRunWarning) and not self._options.quiet:
-                    print(f"{name}: {text}", file=sys.stderr)
+            elif self._remark(name, text) and issubclass(category, LongRunWarning) and not self._options.quiet:
+                print(f"{name}: {text}", file=sys.stderr)
 
         with warnings.catch_warnings():
             warnings.simplefilter("always", RuntimeWarning)
@@ -132,6 +134,14 @@ class Session:
             yield
         for message, category, filename, lineno in others:
             warnings.warn_explicit(message, category, filename, lineno)
+
+    def _remark(self, name: str, text: str) -> bool:
+        """Keep a remark on a case; whether it is a new one."""
+        known = self.remarks.setdefault(name, [])
+        if text in known:
+            return False
+        known.append(text)
+        return True
 
     @contextmanager
     def activity(self, description: str) -> Iterator[None]:
@@ -176,6 +186,18 @@ def progress(description: str, *, console: Console | None = None) -> Iterator[Ca
                 bar.update(task, total=1.0, completed=min(max(fraction, 0.0), 1.0))
 
         yield report
+
+
+def _limits_that_acted(result: RunResult) -> list[str]:
+    """One text for each limit and contact: when it first acted in the run, and how often."""
+    found: dict[str, list[Event]] = {}
+    for event in result.events:
+        if event.kind in ("limit", "contact"):
+            found.setdefault(event.text.partition(", ")[0], []).append(event)
+    return [
+        f"in the run: {first.text} (from t = {first.time:.6g} s)" + (f", and {len(later)} times more" if later else "")
+        for first, *later in found.values()
+    ]
 
 
 def _ignore(fraction: float) -> None:

@@ -251,14 +251,16 @@ def test_a_case_may_be_there_to_be_refused(elsewhere: Path) -> None:
     assert ended(study(cases=[case("first", controller, refused_by=NonHyperbolicError)])) == 1
 
 
-def test_warnings_of_a_simulation_become_remarks(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_warnings_of_a_simulation_and_limits_that_act_become_remarks(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
     narrow = case("narrow")
     weak = invtrack.LinearPlant(oscillator(), input_limits=[[-1.0, 1.0]])
     assert ended(study(cases=[type(narrow)("narrow", weak, narrow.controller)])) == 0
     printed = capsys.readouterr()
     assert "narrow: the plan needs u1 from" in printed.out
     assert not printed.err
-    assert "expect saturation" in summary(elsewhere / "runs/tiny")["warnings"]["narrow"][0]
+    before, during = summary(elsewhere / "runs/tiny")["warnings"]["narrow"]
+    assert "expect saturation" in before
+    assert during.startswith("in the run: limit of u1, exceeded by up to ")
 
 
 def test_a_long_run_is_announced_before_it_begins(
