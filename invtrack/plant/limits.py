@@ -12,6 +12,7 @@ from invtrack.plant.elements import element_name
 from invtrack.plant.units import constant_gain
 
 _ON_A_JOINT = tuple(map(int, (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)))
+_ON_A_TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 _SCALAR_JOINTS = tuple(map(int, (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)))
 
 
@@ -90,7 +91,9 @@ def _tighten(bounds: list[float], sources: list[str], ends: Array, source: str) 
 
 
 def _force_of_control(model: mujoco.MjModel, actuator: int) -> tuple[float, float] | None:
-    """(gain, bias) of an actuator whose force is gain * control + bias in every state; None of any other."""
+    """(gain, bias) of an actuator whose force before its range is gain * control + bias in every state; None of any other."""
+    if model.actuator_trntype[actuator] == _ON_A_TENDON and model.tendon_actfrclimited[model.actuator_trnid[actuator, 0]]:
+        return None  # it is scaled with the others at its tendon, before its own range clamps it
     gain = constant_gain(model, actuator)
     if gain is None or gain == 0 or model.actuator_actnum[actuator] or model.actuator_ctrlnum[actuator] != 1:
         return None
@@ -123,7 +126,7 @@ def _may_act_on(model: mujoco.MjModel, actuator: int, joint: int) -> bool:
     kind, target = model.actuator_trntype[actuator], int(model.actuator_trnid[actuator, 0])
     if kind in _ON_A_JOINT:
         return target == joint
-    if kind != mujoco.mjtTrn.mjTRN_TENDON:
+    if kind != _ON_A_TENDON:
         return True  # a site, a body or a crank can act on any joint above it
     first = int(model.tendon_adr[target])
     wraps = slice(first, first + int(model.tendon_num[target]))

@@ -33,7 +33,7 @@ class Actuation:
 
     Limits that are the same in every state (`invtrack.plant.limits`) only clip the inputs. What depends on the state (the force of
     a servo or a muscle, the total at a tendon or a joint, activations) is asked of MuJoCo: the forces that act without limits, from
-    which those that the limits leave follow, in MuJoCo's order: forcerange, total at the tendon, total at the joint. A model
+    which those that the limits leave follow, in MuJoCo's order: total at the tendon, forcerange, total at the joint. A model
     without such limits costs nothing beyond the clipping; forces that are affine in state and control, as those of servos on
     slides and hinges, cost one product of matrices, whose coefficients MuJoCo is asked for once.
 
@@ -85,8 +85,8 @@ class _Forces:
         self._active: list[int] = [i for i in every if model.actuator_actlimited[i] and model.actuator_actnum[i]]
         self.limits: list[ActingLimit] = []
         for kind, text, elements in (
-            ("actuator", "forcerange", self._forced),
             ("tendon", "actuatorfrcrange", self._tendons),
+            ("actuator", "forcerange", self._forced),
             ("joint", "actuatorfrcrange", self._joints),
             ("actuator", "actrange", self._active),
         ):
@@ -112,13 +112,12 @@ class _Forces:
         model = self._model
         force, total, rate = self._without_limits(data, raw, controls)
         acting = force.copy()
-        excess = []
+        excess = [self._at_tendon(tendon, acting) for tendon in self._tendons]
         for i in self._forced:
             columns, limits = self._outputs[i], model.actuator_forcerange[i]
-            acting[:, columns] = np.clip(force[:, columns], *limits)
-            cut = np.max(np.abs(acting[:, columns] - force[:, columns]), axis=1)
-            excess.append(noticeable(cut, size_of(limits)))
-        excess += [self._at_tendon(tendon, acting) for tendon in self._tendons]
+            asked = acting[:, columns].copy()
+            acting[:, columns] = np.clip(asked, *limits)
+            excess.append(noticeable(np.max(np.abs(acting[:, columns] - asked), axis=1), size_of(limits)))
         change = acting - force
         if self._joints:
             rows = np.flatnonzero(np.any(change, axis=1))

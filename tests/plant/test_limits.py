@@ -18,7 +18,8 @@ CART = """
       <body name="bob"><joint name="z" type="slide" axis="0 0 1"/><geom size="0.1" mass="1" contype="0"/></body>
     </body>
   </worldbody>
-  <tendon><fixed name="both"><joint joint="x" coef="1"/><joint joint="z" coef="1"/></fixed></tendon>
+  <tendon><fixed name="both"><joint joint="x" coef="1"/><joint joint="z" coef="1"/></fixed>
+    <fixed name="limited" actuatorfrcrange="-1 1"><joint joint="z" coef="1"/></fixed></tendon>
   <actuator>{actuators}</actuator>
 </mujoco>"""
 INF = float("inf")
@@ -94,6 +95,7 @@ def test_mujoco_clamps_just_there(actuators: str, joint: str, limits: list[float
         ('<motor name="u" joint="x"/><motor joint="x"/>', 'actuatorfrcrange="-2 2"'),
         ('<motor name="u" joint="x"/><motor tendon="both"/>', 'actuatorfrcrange="-2 2"'),
         ('<motor name="u" tendon="both"/>', 'actuatorfrcrange="-2 2"'),
+        ('<motor name="u" tendon="limited" forcerange="-2 2"/>', ""),
     ],
 )
 def test_a_force_that_depends_on_more_than_the_control_is_no_limit_of_it(actuators: str, joint: str) -> None:
