@@ -111,10 +111,15 @@ def warn_of_limits(plant: SimulatedPlant, controller: Controller) -> None:
                 RuntimeWarning,
                 stacklevel=STACK,
             )
-    for limit, first, excess in plant.beyond(controller.plan):
+    beyond = plant.beyond(controller.plan)
+    contacts = [each for each in beyond if each[0].kind == "contact"]
+    for limit, first, excess in [each for each in beyond if each[0].kind == "limit"] + contacts[:1]:
         amount = f"{excess:.3g} {limit.unit}".rstrip()
         if limit.kind == "contact":
-            message = f"the plan leads into a {limit.text}, {amount} deep, from t = {first:.4g} s on: expect it to stop the motion"
+            others = f" (and into {len(contacts) - 1} more)" if len(contacts) > 1 else ""
+            message = (
+                f"the plan leads into a {limit.text}, {amount} deep, from t = {first:.4g} s on{others}: expect it to be stopped"
+            )
         else:
             message = f"the plan goes beyond the {limit.text} by up to {amount}, from t = {first:.4g} s on: expect it to be limited"
         warnings.warn(message, RuntimeWarning, stacklevel=STACK)

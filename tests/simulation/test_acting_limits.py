@@ -203,6 +203,14 @@ def test_ranges_and_contacts_are_events_from_where_they_are_reached(
     assert text in warning
 
 
+def test_contacts_on_the_way_are_one_warning_and_an_event_each() -> None:
+    walls = "".join(f'<geom name="{name}" type="box" size="0.1 1 1" pos="{x} 0 0"/>' for name, x in (("soft", 0.9), ("hard", 1.1)))
+    result, (warning,) = run(cart(world=walls), timestep=1e-3)
+    assert warning.startswith("the plan leads into a contact of soft and ball, 0.199 m deep, from t = 0.6")
+    assert warning.endswith("s on (and into 1 more): expect it to be stopped")
+    assert acted(result)[0].text.startswith("contact of soft and ball, up to 0.")
+
+
 def test_a_ball_that_bounces_is_one_event_for_each_time_that_it_touches() -> None:
     hop = """
     <mujoco><option timestep="1e-3"/>
