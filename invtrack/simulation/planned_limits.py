@@ -28,9 +28,11 @@ def limits_along(plant: Plant, plan: Plan) -> list[tuple[ActingLimit, float, flo
     """
     found: dict[ActingLimit, tuple[float, float]] = {}
     for model, samples in _stretches(plant, plan):
-        raw = _raw_states(plant, model, plan, samples.x)
         constraints, actuation = ActiveConstraints(model), Actuation(plant, model)
         inputs = len(plant.inputs)
+        if not constraints.possible and len(actuation.limits) == inputs:
+            continue
+        raw = _raw_states(plant, model, plan, samples.x)
         _, excess = actuation.passed_on(raw, samples.u)
         for limit, beyond in zip(actuation.limits[inputs:], excess.T[inputs:], strict=True):
             _keep(found, limit, samples.time, beyond)
