@@ -19,8 +19,8 @@ from invtrack.plans.actuation import peak_departure
 from invtrack.plans.input_tail import input_tail
 from invtrack.plans.tail import SIDES
 from invtrack.plant.parameters import Change
-from invtrack.simulation.grid import Grid
 from invtrack.simulation.acting_limits import noticeable, size_of
+from invtrack.simulation.grid import Grid
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 STACK = 3

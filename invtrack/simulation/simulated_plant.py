@@ -15,8 +15,8 @@ from invtrack.channels import Channels
 from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
 from invtrack.linear.state_space import OperatingPoint
-from invtrack.plant.actuator_delays import ActuatorDelay
 from invtrack.plans.plan import Plan
+from invtrack.plant.actuator_delays import ActuatorDelay
 from invtrack.simulation.acting_limits import ActingLimit, Stretches
 
 
