@@ -229,12 +229,13 @@ def mark_intervals(axes: Axes, result: RunResult, window: tuple[float, float], *
 def _write_above(axes: Axes, time: float, text: str, *, share: float) -> None:
     """Text above a panel and above the row of T_i and T_f; `share` is the part of the panel's width that it may take."""
     width = share * axes.figure.bbox.width / axes.figure.dpi
-    if _inches(text) > 0.85 * width:
+    if inches(text) > 0.85 * width:
         text = text.replace(" = ", "\n")
-    if _inches(text) > 1.2 * width:  # many short intervals: their shades alone must do
+    if inches(text) > 1.2 * width:  # many short intervals: their shades alone must do
         return
     write(axes, text, (time, 1), axes.get_xaxis_transform(), (0, 13), ha="center", va="bottom", fontsize=7.5)
 
 
-def _inches(text: str) -> float:
+def inches(text: str) -> float:
+    """How wide a text in small print is, about."""
     return max(len(line) for line in text.split("\n")) * INCHES_PER_CHARACTER

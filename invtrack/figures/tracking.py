@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,6 +16,7 @@ from invtrack.figures.style import (
     draw_line,
     draw_magnitudes,
     draw_steps,
+    inches,
     join_units,
     label,
     line_looks,
@@ -28,7 +31,15 @@ from invtrack.results.inputs import actuation_time
 from invtrack.results.result import RunResult, Signal, require_run
 
 INCHES_PER_PANEL = 1.7
-LEGEND_COLUMNS, ROW_SHARE = 3, 0.17  # entries in a row of a legend; share of a panel's height that a row takes
+LEGEND_COLUMNS, LEGEND_INCHES, ENTRY_INCHES = (
+    3,
+    3.7,
+    0.4,
+)  # entries in a row of a legend at most; its width, an entry's without text
+ROW_SHARE, ROW_INCHES = (
+    0.17,
+    0.165,
+)  # how much higher a row of a legend makes a panel, as a share of what lies below; a row's height
 
 
 def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = None) -> Figure:
@@ -47,7 +58,10 @@ def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = N
     state_units = list(dict.fromkeys(result.state.channels.units))
     with shared_style():
         rows = max(len(state_units), 3)
-        figure = new_figure(f"{result.model}: {result.name}", width=9.5, height=0.9 + INCHES_PER_PANEL * rows)
+        legends = [[*_states_in(result, unit), "plan"] for unit in state_units]
+        legends += [[*result.output.channels.names, "reference"], [*result.applied.channels.names, "commanded"]]
+        height = max(INCHES_PER_PANEL, *(_inches_with_legend(legend) for legend in legends))
+        figure = new_figure(f"{result.model}: {result.name}", width=9.5, height=0.9 + height * rows)
         left, right = figure.subfigures(1, 2, wspace=0.02, squeeze=False)[0]
         left_axes = left.subplots(len(state_units), 1, sharex=True, squeeze=False)[:, 0]
         right_axes = right.subplots(3, 1, sharex=True)
@@ -115,9 +129,7 @@ def preactuation_figure(result: RunResult, *, level: float = 0.01) -> Figure:
 
 def _draw_states(axes: Axes, result: RunResult, unit: str, window: tuple[float, float]) -> None:
     part = within(result.time, window)
-    names = [
-        name for name, its_unit in zip(result.state.channels.names, result.state.channels.units, strict=True) if its_unit == unit
-    ]
+    names = _states_in(result, unit)
     for name, look in zip(names, line_looks(len(names)), strict=True):
         draw_line(axes, result.time[part], result.state[name][part], label=name, **look)
     for i, name in enumerate(names):
@@ -168,12 +180,31 @@ def _axis_label(kind: str, signal: Signal) -> str:
     return f"{kind}s [{join_units(signal.channels.units)}]"
 
 
+def _states_in(result: RunResult, unit: str) -> list[str]:
+    """The states that have this unit."""
+    channels = result.state.channels
+    return [name for name, its_unit in zip(channels.names, channels.units, strict=True) if its_unit == unit]
+
+
 def _add_legend(axes: Axes) -> None:
-    """A legend in rows of up to three above the lines, for which the panel is made higher: no line lies below it."""
-    handles, _ = axes.get_legend_handles_labels()
+    """A legend in rows above the lines, for which the panel is made higher: no line lies below it."""
+    handles, names = axes.get_legend_handles_labels()
     if len(handles) < 2:
         return
-    rows = -(-len(handles) // LEGEND_COLUMNS)
+    columns = _legend_columns(names)
+    rows = -(-len(handles) // columns)
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + ROW_SHARE * rows * (high - low))
-    axes.legend(loc="upper left", ncols=LEGEND_COLUMNS, borderaxespad=0.2, columnspacing=1.2)
+    legend = axes.legend(loc="upper left", ncols=columns, borderaxespad=0.2, columnspacing=1.2)
+    legend.set_in_layout(False)  # a name wider than the panel is cut off; it does not push the panel away
+
+
+def _legend_columns(names: Sequence[str]) -> int:
+    """How many entries stand side by side, up to three: as many as are no wider together than a panel."""
+    return min(LEGEND_COLUMNS, max(1, int(LEGEND_INCHES / (max(map(inches, names)) + ENTRY_INCHES))))
+
+
+def _inches_with_legend(names: Sequence[str]) -> float:
+    """The height of a panel in which a legend with these entries finds room above the lines."""
+    rows = -(-len(names) // _legend_columns(names))
+    return ROW_INCHES * (1 + ROW_SHARE * rows) / ROW_SHARE

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
+from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
 from invtrack.figures import comparison_figure, preactuation_figure, tracking_figure
 from invtrack.figures.style import COLORS
 from invtrack.results import RunResult, preactuation_time
+from invtrack.results.result import Signal
 from tests.figures.drawn import error_sizes, legend_entries, line_named, points, texts
 from tests.synthetic_runs import GROWTH_RATE, JUMP, MANOEUVRE, PEAK_INPUT, TwoModes, diverged, two_mode_run
 
@@ -76,6 +78,24 @@ def test_legends_name_the_states_and_what_is_wanted(run: RunResult) -> None:
     axes = tracking_figure(run).axes
     assert legend_entries(panel(axes, "states [m]")) == ["tip", "base", "plan"]
     assert legend_entries(panel(axes, "tip position [m]")) == ["tip_position", "reference"]
+
+
+@pytest.mark.parametrize("count", [4, 14])
+def test_legends_with_many_long_names_lie_within_their_panels_above_the_lines(run: RunResult, count: int) -> None:
+    names = tuple(f"r_forearm_roll_joint_{i} velocity" for i in range(count))
+    channels = Channels(names, count * ("rad/s",))
+    values = np.repeat(run.state.values[:, :1], count, axis=1)
+    figure = tracking_figure(replace(run, state=Signal(values, channels), state_reference=Signal(values, channels)))
+    figure.draw_without_rendering()
+    axes = panel(figure.axes, "states [rad/s]")
+    legend = axes.get_legend()
+    assert legend is not None
+    inside, around = legend.get_window_extent(), axes.get_window_extent()
+    assert around.width > 0.3 * figure.bbox.width
+    assert around.x0 <= inside.x0
+    assert inside.x1 <= around.x1
+    highest = max(np.max(points(line)[1]) for line in axes.get_lines())
+    assert axes.transData.transform((0.0, highest))[1] <= inside.y0 + 1  # a pixel of rounding
 
 
 def test_parameters_and_the_manoeuvre_are_marked(run: RunResult) -> None:
