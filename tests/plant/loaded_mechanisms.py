@@ -145,3 +145,14 @@ MUSCLES = """
   </tendon>
   <actuator><muscle name="flexor" tendon="upper" force="300"/><muscle name="extensor" tendon="lower" force="300"/></actuator>
 </mujoco>"""
+
+LIMITED_SERVO = """
+<mujoco>
+  <worldbody>
+    <body>
+      <joint name="hinge" axis="0 1 0" {joint}/>
+      <geom type="sphere" size="0.02" pos="0.3 0 0" mass="1"/>
+    </body>
+  </worldbody>
+  <actuator><position name="servo" joint="hinge" kp="230" kv="3" {servo}/></actuator>
+</mujoco>"""

@@ -19,6 +19,7 @@ from tests.plant.loaded_mechanisms import (
     CART_POLE,
     GEARED,
     HOIST,
+    LIMITED_SERVO,
     MUSCLES,
     QUADROTOR,
     ROTORS,
@@ -354,3 +355,20 @@ def test_table(tmp_path: Path) -> None:
     assert len({line.index(word) for line, word in zip(lines[2:], ["site", "shoulder", "elbow", "shoulder"], strict=False)}) == 1
     assert repr(point).startswith("TrimPoint(equilibrium of 'servo arm': ")
     assert "\n" not in repr(point)
+
+
+@pytest.mark.parametrize("limits", [{"servo": 'forcerange="-40 40"'}, {"joint": 'actuatorfrcrange="-40 40"'}])
+@pytest.mark.parametrize("angle", [0.1, 0.5, 1.5])
+def test_a_stiff_servo_is_found_its_setpoint_however_far_it_has_to_go(limits: dict[str, str], angle: float) -> None:
+    mjcf = LIMITED_SERVO.format(**{"joint": "", "servo": "", **limits})
+    plant = Plant.from_xml(mjcf, inputs=["servo"], outputs=["joint:hinge"])
+    point = trim(plant, positions={"hinge": angle})  # from 0.17 rad on it pushes with all its force at the start
+    assert point.controls["servo"] == pytest.approx(angle - G * 0.3 * np.cos(angle) / 230, rel=1e-9)
+    assert linearize(point.plant).n_states == 2
+
+
+def test_a_servo_that_pushes_with_all_its_force_may_hold_an_equilibrium() -> None:
+    mjcf = LIMITED_SERVO.format(joint="", servo='forcerange="-2 2"')
+    plant = Plant.from_xml(mjcf, inputs=["servo"], outputs=["joint:hinge"])
+    point = trim(plant, controls={"servo": -1.0})
+    assert G * 0.3 * np.cos(point.outputs["joint:hinge"]) == pytest.approx(2.0, rel=1e-7)

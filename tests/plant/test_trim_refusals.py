@@ -13,7 +13,7 @@ from invtrack.errors import PlantError
 from invtrack.plant.equilibrium.trim import trim
 from invtrack.plant.linearize import linearize
 from invtrack.plant.variants import with_input_limits
-from tests.plant.loaded_mechanisms import CART_POLE, QUADROTOR, ROTORS, SERVO_ARM
+from tests.plant.loaded_mechanisms import CART_POLE, LIMITED_SERVO, QUADROTOR, ROTORS, SERVO_ARM
 from tests.plant.mechanisms import FREE_BODY, LAGGED_SLIDER, SPRINGS, hinge_pendulum, plant_of
 
 
@@ -149,3 +149,19 @@ def test_the_refusal_of_linearize_leads_to_an_equilibrium(tmp_path: Path, values
     model = linearize(eval(advice, {"invtrack": invtrack, "plant": plant}), **values)
     mass = values.get("bob", 1.2)
     assert model.operating_point.u0 == pytest.approx([mass * 9.81 * 0.5 * 0.3894183423086505], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("limits", "where"),
+    [
+        ({"servo": 'forcerange="-2 2"'}, r"actuator servo, beyond its forcerange \[-2, 2\]"),
+        ({"joint": 'actuatorfrcrange="-2 2"'}, r"joint hinge, beyond its actuatorfrcrange \[-2, 2\]"),
+    ],
+)
+def test_a_force_beyond_its_range_is_named(limits: dict[str, str], where: str) -> None:
+    plant = invtrack.Plant.from_xml(
+        LIMITED_SERVO.format(**{"joint": "", "servo": "", **limits}), inputs=["servo"], outputs=["joint:hinge"]
+    )
+    with pytest.raises(PlantError, match=rf"it would take -2\.81156 of {where}"):  # -9.81 * 0.3 * cos(0.3)
+        trim(plant, positions={"hinge": 0.3})
+    assert trim(plant, positions={"hinge": 1.0}).largest_residual < 1e-6  # 1.59 is within

@@ -46,6 +46,7 @@ class EquilibriumEquations:
         model: the plant's, with parameter values.
         given: what has to be met.
         constraints: whether contacts and limits act.
+        force_limits: whether forcerange and actuatorfrcrange act, beyond which a control moves nothing.
 
     Attributes:
         start: z at the start (nv + na + nu,).
@@ -57,9 +58,9 @@ class EquilibriumEquations:
         evaluations: how often the residual was evaluated.
     """
 
-    def __init__(self, plant: Plant, model: mujoco.MjModel, given: Given, *, constraints: bool) -> None:
+    def __init__(self, plant: Plant, model: mujoco.MjModel, given: Given, *, constraints: bool, force_limits: bool = True) -> None:
         self.plant, self.given, self.constraints = plant, given, constraints
-        self.model = _for_search(plant, model, constraints=constraints)
+        self.model = _for_search(plant, model, constraints=constraints, force_limits=force_limits)
         self.data = mujoco.MjData(self.model)
         plant.configuration.write(self.data)
         self.data.qvel[:] = 0
@@ -181,11 +182,14 @@ class EquilibriumEquations:
         return np.vstack([positions - present[:, None], activations, controls])
 
 
-def _for_search(plant: Plant, model: mujoco.MjModel, *, constraints: bool) -> mujoco.MjModel:
-    """The smooth model without sleep and clamped controls, and without contacts and limits unless these are constraints."""
+def _for_search(plant: Plant, model: mujoco.MjModel, *, constraints: bool, force_limits: bool) -> mujoco.MjModel:
+    """The smooth model without sleep, clamped controls and those limits that are not to act."""
     model = smooth_model(model, backlash=plant.backlash).model
     model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
     if not constraints:
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT)
+    if not force_limits:
+        for limited in (model.actuator_forcelimited, model.jnt_actfrclimited, model.tendon_actfrclimited):
+            limited[:] = 0
     return model

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import mujoco
 import numpy as np
 
 from invtrack.arrays import Array
-from invtrack.plant.elements import listed
+from invtrack.plant.elements import element_name, listed
 from invtrack.plant.equilibrium.equations import EquilibriumEquations
 from invtrack.plant.equilibrium.given import Mask
 from invtrack.plant.equilibrium.search import ACTS, EquilibriumSearch, Iterate
@@ -16,18 +17,24 @@ SHOWN = 6
 """How many quantities a message names at most."""
 
 
-def why_not(search: EquilibriumSearch, found: Iterate, touching: Sequence[str]) -> str:
+def why_not(search: EquilibriumSearch, found: Iterate, touching: Sequence[str], overloaded: Sequence[str]) -> str:
     """The predicate of a sentence about the plant: why it has no equilibrium, and what would help.
 
     Args:
         search: of the equations without contacts and limits, within their `forces`.
         found: what they were solved to, an equilibrium or the point nearest to one.
         touching: contacts and limits that bear load at `found`.
+        overloaded: forces beyond their ranges with which there would be an equilibrium.
     """
     if search.found(found):
         return (
             f"has an equilibrium only where {listed(touching)} pushes it away; start from a configuration clear of that"
             " (plant.at), or give other outputs or positions"
+        )
+    if overloaded:
+        return (
+            f"has no such equilibrium: it would take {listed(overloaded)}. Widen the range (or gear the actuator differently), or"
+            " give other outputs or positions"
         )
     reason = (
         _outputs_out_of_reach(search)
@@ -36,6 +43,32 @@ def why_not(search: EquilibriumSearch, found: Iterate, touching: Sequence[str]) 
         or _what_is_left(search, found)
     )
     return f"has no such equilibrium: {reason}"
+
+
+def overloads(equations: EquilibriumEquations, z: Array, model: mujoco.MjModel) -> tuple[str, ...]:
+    """The forces of actuators, and those of actuators on joints and tendons, that leave their ranges in `model` at z."""
+    equations.values(z)
+    data = equations.data
+    on_joints = data.qfrc_actuator[model.jnt_dofadr]
+    on_tendons = np.array([data.actuator_force[_pulls(model, tendon)].sum() for tendon in range(model.ntendon)])
+    texts = []
+    for kind, forces, limited, ranges, name in (
+        ("actuator", data.actuator_force, model.actuator_forcelimited, model.actuator_forcerange, "forcerange"),
+        ("joint", on_joints, model.jnt_actfrclimited, model.jnt_actfrcrange, "actuatorfrcrange"),
+        ("tendon", on_tendons, model.tendon_actfrclimited, model.tendon_actfrcrange, "actuatorfrcrange"),
+    ):
+        for i in np.flatnonzero(limited):
+            low, high = ranges[i]
+            if not low <= forces[i] <= high:
+                element = element_name(model, kind, int(i))
+                texts.append(f"{forces[i]:.6g} of {kind} {element}, beyond its {name} [{low:g}, {high:g}]")
+    return tuple(texts)
+
+
+def _pulls(model: mujoco.MjModel, tendon: int) -> Mask:
+    """The actuators that pull a tendon."""
+    pulls = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON) & (model.actuator_trnid[:, 0] == tendon)
+    return np.asarray(pulls)
 
 
 def _outputs_out_of_reach(search: EquilibriumSearch) -> str:

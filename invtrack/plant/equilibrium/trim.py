@@ -14,7 +14,7 @@ from invtrack.arrays import require_share
 from invtrack.errors import PlantError
 from invtrack.plant.equilibrium.equations import EquilibriumEquations
 from invtrack.plant.equilibrium.given import Given, Positions, Values, given_of
-from invtrack.plant.equilibrium.refusals import why_not
+from invtrack.plant.equilibrium.refusals import overloads, why_not
 from invtrack.plant.equilibrium.search import EquilibriumSearch, Iterate
 from invtrack.plant.equilibrium.trim_point import TrimmedQuantity, TrimPoint
 from invtrack.plant.linearizable import constraint_name
@@ -105,6 +105,9 @@ def _searched(plant: Plant, model: mujoco.MjModel, given: Given, tolerance: floa
     search = EquilibriumSearch(smooth, tolerance)
     with smooth.forces():
         found = search.nearest(smooth.start)
+    overloaded: tuple[str, ...] = ()
+    if not search.found(found):
+        found, overloaded = _within_force_limits(plant, model, given, search, found)
     touching = _bearing(smooth.plant_at(found.z), model)
     if search.found(found) and not touching:
         return smooth, found
@@ -118,7 +121,29 @@ def _searched(plant: Plant, model: mujoco.MjModel, given: Given, tolerance: floa
             if held.miss <= tolerance:
                 return touched, held
     with smooth.forces():
-        raise PlantError(f"plant {plant.name!r} {why_not(search, found, touching)}")
+        raise PlantError(f"plant {plant.name!r} {why_not(search, found, touching, overloaded)}")
+
+
+def _within_force_limits(
+    plant: Plant, model: mujoco.MjModel, given: Given, search: EquilibriumSearch, found: Iterate
+) -> tuple[Iterate, tuple[str, ...]]:
+    """The search once more, from where the equilibrium would be if no actuator's force were limited.
+
+    A stiff servo far from what it is to hold pushes with all its force, whatever its control: there no search sees where to go.
+    Returned are what comes nearest to an equilibrium, and the forces that would have to leave their ranges.
+    """
+    if not any(np.any(limited) for limited in (model.actuator_forcelimited, model.jnt_actfrclimited, model.tendon_actfrclimited)):
+        return found, ()
+    unlimited = EquilibriumEquations(plant, model, given, constraints=False, force_limits=False)
+    relaxed = EquilibriumSearch(unlimited, search.tolerance)
+    with unlimited.forces():
+        start = relaxed.nearest(unlimited.start)
+        if not relaxed.found(start):
+            return found, ()
+        overloaded = overloads(unlimited, start.z, model)
+    with search.equations.forces():
+        again = search.nearest(start.z)
+    return (again if again.miss < found.miss else found), overloaded
 
 
 def _bearing(plant: Plant, model: mujoco.MjModel) -> tuple[str, ...]:
