@@ -1,0 +1,163 @@
+"""One mechanism of the gallery: a file that comes with a package, where it rests, how it is to move, and what became of it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import invtrack
+from invtrack.errors import InvtrackError
+from invtrack.figures import tracking_figure
+from invtrack.studies import Case
+
+PACKAGES = {
+    "gymnasium": "gymnasium/envs/mujoco/assets",
+    "dm-control": "dm_control/suite",
+    "drone-models": "drone_models/data",
+    "openarm-mujoco": "share/openarm_mujoco/v2",
+}
+"""Where each package keeps its MJCF files."""
+
+SAMPLES = 401  # of a plan, for the sizes of its states
+
+SMALLEST = 0.1
+"""A position that the plan moves less than this share of the others in its unit is weighed as if it moved as much."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """One mechanism, from its file to a plan.
+
+    Args:
+        name: of its case.
+        package: the distribution on PyPI that its file comes with.
+        file: where that stands among the package's MJCF files.
+        plant: makes the plant of the file, at rest.
+        motion: how far each output moves, (p,) in its unit.
+        duration: of the motion [s].
+        smoothness: how many derivatives of the motion are continuous.
+        method: plans it, and `called` is what the table calls it.
+        refused_by: the error by which it must be refused, where this is what the entry shows.
+    """
+
+    name: str
+    package: str
+    file: str
+    plant: Callable[[Path], invtrack.Plant]
+    motion: tuple[float, ...]
+    duration: float
+    smoothness: int = 4
+    method: Callable[[invtrack.StateSpace, invtrack.PiecewiseSignal], invtrack.Plan] = invtrack.invert
+    called: str = "inversion"
+    refused_by: type[InvtrackError] | None = None
+
+    def case(self) -> Case:
+        """Its simulation; all that comes before the plan happens here."""
+        clock = _Clock()
+        with clock:
+            plant = self.plant(installed_file(self.package, self.file))
+
+        def controller() -> invtrack.TrackingController:
+            clock.start()
+            model = invtrack.linearize(plant)
+            rest = model.operating_point.y0
+            reference = invtrack.rest_to_rest(rest, rest + self.motion, duration=self.duration, smoothness=self.smoothness)
+            plan = self.method(model, reference)
+            return invtrack.TrackingController(plan, feedback(model, plan, input_sizes(plant, plan)))
+
+        def numbers(result: invtrack.RunResult) -> Mapping[str, Any]:
+            clock.stop()
+            return {**self.described, **self._measured(plant, result), "time": clock.elapsed}
+
+        return Case(
+            self.name,
+            plant,
+            controller,
+            numbers=numbers,
+            figures={"tracking": tracking_figure},
+            refused_by=self.refused_by,
+        )
+
+    @property
+    def described(self) -> dict[str, str]:
+        """What the table says of it whether it is refused or not."""
+        return {"package": self.package, "file": self.file, "method": self.called}
+
+    def _measured(self, plant: invtrack.Plant, result: invtrack.RunResult) -> dict[str, Any]:
+        peaks = np.max(np.abs(result.applied.values), axis=0)
+        sizes = np.max(np.abs(plant.input_limits), axis=1)
+        hardest = int(np.argmax(peaks / sizes if np.all(np.isfinite(sizes)) else peaks))
+        limit = float(sizes[hardest])
+        units = np.array(plant.outputs.units)
+        motion = {unit: float(np.max(np.abs(self.motion)[units == unit])) for unit in dict.fromkeys(plant.outputs.units)}
+        errors = np.max(np.abs(result.error), axis=0)
+        return {
+            **invtrack.metrics(result),
+            "motion": f"{', '.join(f'{size:g} {unit}' for unit, size in motion.items())} in {self.duration:g} s",
+            "error_share": float(np.max(errors / [motion[unit] for unit in plant.outputs.units])),
+            "hardest_input": plant.inputs.names[hardest],
+            "hardest_peak": f"{peaks[hardest]:.3g} {plant.inputs.units[hardest]}",
+            "range_share": float(peaks[hardest] / limit) if np.isfinite(limit) else None,
+        }
+
+
+@dataclass
+class _Clock:
+    """The time that an entry takes, over the stretches in which it is its turn."""
+
+    elapsed: float = 0.0
+    _since: float = field(default=0.0, repr=False)
+
+    def start(self) -> None:
+        self._since = time.perf_counter()
+
+    def stop(self) -> None:
+        self.elapsed += time.perf_counter() - self._since
+
+    def __enter__(self) -> None:
+        self.start()
+
+    def __exit__(self, *error: object) -> None:
+        self.stop()
+
+
+def installed_file(package: str, name: str) -> Path:
+    """The path of an MJCF file that a package has installed. Raises InvtrackError where package or file is not there."""
+    wanted = f"{PACKAGES[package]}/{name}"
+    try:
+        files = importlib.metadata.files(package) or []
+    except importlib.metadata.PackageNotFoundError:
+        raise InvtrackError(f"{package} is not installed; pip install '.[gallery]' brings all files of the gallery") from None
+    for file in files:
+        if file.as_posix().endswith(wanted):
+            return Path(str(file.locate())).resolve()
+    version = importlib.metadata.version(package)
+    raise InvtrackError(
+        f"{package} {version} has no file {wanted}; the gallery was made with the versions that pyproject.toml names"
+    )
+
+
+def feedback(model: invtrack.StateSpace, plan: invtrack.Plan, input_sizes: np.ndarray) -> invtrack.GainSchedule:
+    """LQR gains by Bryson's rule: a position's deviation counts as a share of its motion in the plan, an input as one of its range.
+
+    Speeds do not count: against inputs that move light limbs they would ask for a feedback faster than any timestep.
+    """
+    motion = np.max(np.abs(plan(np.linspace(*plan.manoeuvre, SAMPLES)).x), axis=0)
+    units = np.array(model.states.units)
+    largest = np.array([np.max(motion[units == unit]) for unit in units])
+    sizes = np.maximum(motion, SMALLEST * largest)
+    counts = np.isin(units, ["m", "rad"]) & (sizes > 0)
+    return invtrack.lqr(model, Q=np.diag(counts / np.where(counts, sizes, 1.0) ** 2), R=np.diag(1 / input_sizes**2))
+
+
+def input_sizes(plant: invtrack.Plant, plan: invtrack.Plan) -> np.ndarray:
+    """The size of each input (m,): the end of its range, or, without one, its peak in the plan."""
+    limits = np.max(np.abs(plant.input_limits), axis=1)
+    peaks = np.max(np.abs(plan.input_range), axis=0)
+    return np.where(np.isfinite(limits), limits, np.maximum(peaks, 1e-3 * np.max(peaks)))
