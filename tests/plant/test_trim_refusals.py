@@ -111,6 +111,30 @@ def test_nothing_lifts_a_free_body(tmp_path: Path) -> None:
     assert trim(plant).controls["thrust"] == pytest.approx(3 * 9.81)
 
 
+def test_what_hangs_above_a_floor_is_told_to_start_on_it() -> None:
+    mjcf = """
+    <mujoco>
+      <worldbody>
+        <geom name="floor" type="plane" size="1 1 1"/>
+        <body name="sledge" pos="0 0 0.5">
+          <joint name="x" type="slide" axis="1 0 0"/>
+          <joint name="z" type="slide" axis="0 0 1"/>
+          <geom name="runner" type="box" size="0.1 0.1 0.05" mass="2"/>
+        </body>
+      </worldbody>
+      <actuator><motor name="push" joint="x"/></actuator>
+    </mujoco>"""
+    plant = invtrack.Plant.from_xml(mjcf, inputs=["push"], outputs=["body:sledge:x"])
+    with pytest.raises(PlantError, match=r"acts on z velocity\. .*; or start where it touches .* \(plant\.at\(qpos=\.\.\.\)\)"):
+        trim(plant)
+    assert trim(plant.at(qpos={"z": -0.451})).held_by == ("contact of floor and runner",)
+    alone = invtrack.Plant.from_xml(
+        mjcf.replace('<geom name="floor" type="plane" size="1 1 1"/>', ""), inputs=["push"], outputs=["body:sledge:x"]
+    )
+    with pytest.raises(PlantError, match=r"or an actuator for it$"):
+        trim(alone)
+
+
 def test_actuators_that_are_no_inputs(tmp_path: Path) -> None:
     plant = servo_arm(tmp_path, inputs=["shoulder"], outputs=["joint:shoulder"])
     given: dict[str, Any] = {"outputs": [0.3], "positions": {"elbow": 0.5}}

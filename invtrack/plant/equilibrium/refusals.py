@@ -151,10 +151,23 @@ def _what_is_left(search: EquilibriumSearch, found: Iterate) -> str:
     idle = [names[i] for i in largest if np.max(np.abs(jacobian[i]), initial=0.0) <= ACTS]
     text = f"the nearest point to one leaves the rates {left}"
     if idle:
-        return f"{text}, and no control or position that is free acts on {listed(idle)}. Give less, or an actuator for it"
+        touch = "; or start where it touches what is to carry it (plant.at(qpos=...)): only from there contacts count"
+        return (
+            f"{text}, and no control or position that is free acts on {listed(idle)}. Give less, or an actuator for it"
+            f"{touch if _may_touch(equations.plant.model) else ''}"
+        )
     friction = np.any(equations.plant.model.dof_frictionloss) or np.any(equations.plant.model.tendon_frictionloss)
     stuck = ", which dry friction alone may hold (it is left out here)" if friction else ""
     return f"{text}{stuck}. Start the search elsewhere (plant.at(qpos=...)), or give less"
+
+
+def _may_touch(model: mujoco.MjModel) -> bool:
+    """Whether there are geoms of two bodies that may collide."""
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+        return False
+    meets = (model.geom_contype[:, None] & model.geom_conaffinity) != 0
+    bodies = model.body_weldid[model.geom_bodyid]
+    return bool(np.any((meets | meets.T) & (bodies[:, None] != bodies)))
 
 
 def _beyond(equations: EquilibriumEquations, z: Array) -> str:
