@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -25,9 +25,6 @@ PACKAGES = {
 """Where each package keeps its MJCF files."""
 
 SAMPLES = 401  # of a plan, for the sizes of its states
-
-SMALLEST = 0.1
-"""A position that the plan moves less than this share of the others in its unit is weighed as if it moved as much."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +66,7 @@ class Entry:
             rest = model.operating_point.y0
             reference = invtrack.rest_to_rest(rest, rest + self.motion, duration=self.duration, smoothness=self.smoothness)
             plan = self.method(model, reference)
-            return invtrack.TrackingController(plan, feedback(model, plan, input_sizes(plant, plan)))
+            return invtrack.TrackingController(plan, feedback(model, plan))
 
         def numbers(result: invtrack.RunResult) -> Mapping[str, Any]:
             clock.stop()
@@ -143,21 +140,21 @@ def installed_file(package: str, name: str) -> Path:
     )
 
 
-def feedback(model: invtrack.StateSpace, plan: invtrack.Plan, input_sizes: np.ndarray) -> invtrack.GainSchedule:
-    """LQR gains by Bryson's rule: a position's deviation counts as a share of its motion in the plan, an input as one of its range.
+def feedback(model: invtrack.StateSpace, plan: invtrack.Plan) -> invtrack.GainSchedule:
+    """LQR gains by Bryson's rule, with the sizes that the plan has itself: they do not change with the size of the motion.
 
-    Speeds do not count: against inputs that move light limbs they would ask for a feedback faster than any timestep.
+    A position's deviation counts as a share of the largest motion in its unit, an input as one of the largest change in its unit.
+    What hardly moves is not held more tightly than the rest, and speeds do not count: against inputs that move light limbs they
+    would ask for a feedback faster than any timestep.
     """
-    motion = np.max(np.abs(plan(np.linspace(*plan.manoeuvre, SAMPLES)).x), axis=0)
-    units = np.array(model.states.units)
-    largest = np.array([np.max(motion[units == unit]) for unit in units])
-    sizes = np.maximum(motion, SMALLEST * largest)
-    counts = np.isin(units, ["m", "rad"]) & (sizes > 0)
-    return invtrack.lqr(model, Q=np.diag(counts / np.where(counts, sizes, 1.0) ** 2), R=np.diag(1 / input_sizes**2))
+    times = np.linspace(*plan.manoeuvre, SAMPLES)
+    positions = np.isin(model.states.units, ["m", "rad"])
+    x = _largest(np.max(np.abs(plan(times).x), axis=0), model.states.units)
+    u = _largest(np.ptp(plan.inputs(times), axis=0), model.inputs.units)
+    return invtrack.lqr(model, Q=np.diag(positions / x**2), R=np.diag(1 / u**2))
 
 
-def input_sizes(plant: invtrack.Plant, plan: invtrack.Plan) -> np.ndarray:
-    """The size of each input (m,): the end of its range, or, without one, its peak in the plan."""
-    limits = np.max(np.abs(plant.input_limits), axis=1)
-    peaks = np.max(np.abs(plan.input_range), axis=0)
-    return np.where(np.isfinite(limits), limits, np.maximum(peaks, 1e-3 * np.max(peaks)))
+def _largest(sizes: np.ndarray, units: Sequence[str]) -> np.ndarray:
+    """The largest size in the unit of each channel; 1 in a unit in which nothing moves."""
+    largest = np.array([np.max(sizes[np.array(units) == unit]) for unit in units])
+    return np.where(largest > 0, largest, 1.0)

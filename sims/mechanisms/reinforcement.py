@@ -124,9 +124,11 @@ GYMNASIUM = [
         package="gymnasium",
         file="hopper.xml",
         plant=standing_hopper,
-        motion=(-0.05, -0.1, 0.05),
+        motion=(-0.025, -0.05, 0.025),
         duration=1.0,
         refused_by=PlantError,
     ),
-    Entry(name="held_hopper", package="gymnasium", file="hopper.xml", plant=held_hopper, motion=(-0.05, -0.1, 0.05), duration=1.0),
+    Entry(
+        name="held_hopper", package="gymnasium", file="hopper.xml", plant=held_hopper, motion=(-0.025, -0.05, 0.025), duration=1.0
+    ),
 ]
