@@ -116,11 +116,11 @@ DM_CONTROL = [
         package="dm-control",
         file="humanoid.xml",
         plant=humanoid,
-        motion=(0.02, 0.0, 0.05),
+        motion=(0.01, 0.0, 0.025),
         duration=1.0,
         refused_by=ControlError,
     ),
     Entry(
-        name="humanoid_arm", package="dm-control", file="humanoid.xml", plant=humanoid_arm, motion=(0.02, 0.0, 0.05), duration=1.0
+        name="humanoid_arm", package="dm-control", file="humanoid.xml", plant=humanoid_arm, motion=(0.01, 0.0, 0.025), duration=1.0
     ),
 ]
