@@ -144,11 +144,17 @@ def _numbers(name: str, value: ArrayLike, kind: type, expected: str, error: Refu
 
 
 def stable_poles(name: str, value: ArrayLike, count: int, *, error: Refusal) -> ComplexArray:
-    """Poles (count,) [rad/s] left of the imaginary axis; raises `error` for anything else."""
+    """Poles (count,) [rad/s] left of the imaginary axis, complex ones in conjugate pairs; raises `error` for anything else."""
     poles = complex_numbers(name, value, error=error)
-    if poles.shape != (count,) or not np.all(np.isfinite(poles)) or not np.all(poles.real < 0):
-        raise error(f"expected {count} {name} left of the imaginary axis, got {poles.tolist()}")
+    fits = poles.shape == (count,) and bool(np.all(np.isfinite(poles)) and np.all(poles.real < 0))
+    if not fits or not closed_under_conjugation(poles):
+        raise error(f"expected {count} {name} left of the imaginary axis, complex ones in conjugate pairs, got {poles.tolist()}")
     return poles
+
+
+def closed_under_conjugation(poles: ComplexArray) -> bool:
+    """Whether complex poles come in conjugate pairs."""
+    return bool(np.allclose(np.sort_complex(poles), np.sort_complex(poles.conj()), rtol=1e-9, atol=0.0))
 
 
 def hermitian_weight(name: str, value: ArrayLike, size: int, *, meaning: str = "", where: str = "", error: Refusal) -> ComplexArray:

@@ -7,20 +7,23 @@ from dataclasses import dataclass
 from typing import Protocol, cast
 
 import numpy as np
-import scipy  # loads scipy.signal, which costs a second, at its first use
 import scipy.linalg
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import instance
 from invtrack.arrays import Array, complex_numbers, real_numbers, real_vector, require_duration, shown, stable_poles
 from invtrack.channels import Channels
-from invtrack.control.gains import placed_gain
+from invtrack.control.placement import placed_gain
 from invtrack.control.protocol import Instants, Segments, numbered
 from invtrack.errors import ControlError
-from invtrack.linear.hidden_modes import hidden_modes
+from invtrack.linear.hidden_modes import hidden_modes, hidden_subspaces
+from invtrack.linear.mode_groups import listed, unmoved_modes, unseen_modes
 from invtrack.linear.propagation import Propagator, held_through, sampled_noise, zero_order_hold
 from invtrack.linear.state_space import Measurement, StateSpace, as_state_space
 from invtrack.references.exosystem import Exosystem
+
+STEADY = 1e-12
+"""An estimation error that shrinks by less than this share per sample does not decay: rounding of the transition is as large."""
 
 
 class Observer(Protocol):
@@ -35,7 +38,8 @@ class Observer(Protocol):
 class LuenbergerObserver:
     """Estimation error with the continuous-time poles stated, the same in every interval: exp(s period) once sampled.
 
-    poles: n of them left of the imaginary axis, complex ones in conjugate pairs, none more often than there are measurements.
+    poles: n of them left of the imaginary axis, complex ones in conjugate pairs, as for `place`: a mode that the measurements do
+    not show may stay, if its own eigenvalue is among them.
 
     Raises ControlError for anything else.
     """
@@ -51,10 +55,23 @@ class LuenbergerObserver:
         system = as_state_space(system)
         require_duration("period", period, error=ControlError)
         wanted = stable_poles("observer poles", self.poles, system.n_states, error=ControlError)
-        A_d, _ = zero_order_hold(system.A, np.zeros((system.n_states, 0)), period)
-        C_m = system.measurement.C
-        advice = f"the measurements {list(system.measurement.channels.names)} must show every mode"
-        return placed_gain(A_d.T, (C_m @ A_d).T, np.exp(wanted * period), name="observer poles", advice=advice).T
+        seen = _through_measurement(system)
+        hidden = hidden_subspaces([seen])
+        A_d, _ = zero_order_hold(system.A * hidden.units / hidden.units[:, None], np.zeros((system.n_states, 0)), period)
+        # By the change per second, so that at short periods, where all poles are near 1, they are still told apart.
+        rate = (A_d - np.eye(system.n_states)) / period
+        M = placed_gain(
+            rate.T,
+            ((seen.C * hidden.units) @ A_d).T,
+            wanted,
+            fixed=hidden.unseen,
+            modes=unseen_modes(seen),
+            name="observer poles",
+            obstacle=f"the measurements {list(system.measurement.channels.names)} do not show",
+            remedy="measure one of these states",
+            mapped=lambda poles: np.asarray(np.expm1(poles * period) / period, dtype=complex),
+        ).T
+        return period * hidden.units[:, None] * M
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +104,44 @@ class KalmanFilter:
         try:
             P = scipy.linalg.solve_discrete_are(A_d.T, C_m.T, Q_d, np.diag(deviation**2))
         except (np.linalg.LinAlgError, ValueError) as error:
-            raise ControlError(f"no steady Kalman gain: {error}; a mode on or right of the axis is not measured") from error
+            raise ControlError(f"no steady Kalman gain: {_obstacle(system) or error}") from error
         innovation = C_m @ P @ C_m.T + np.diag(deviation**2)
-        return np.asarray(scipy.linalg.solve(innovation, C_m @ P, assume_a="pos").T)
+        M = np.asarray(scipy.linalg.solve(innovation, C_m @ P, assume_a="pos").T)
+        largest = float(np.max(np.abs(np.linalg.eigvals(A_d - M @ C_m @ A_d))))
+        if not largest < 1 - STEADY:
+            reason = _obstacle(system) or f"the estimation error grows {largest:.12g} times from sample to sample"
+            raise ControlError(f"no steady Kalman gain: {reason}")
+        return M
+
+
+def _through_measurement(system: StateSpace) -> StateSpace:
+    """The system with what is measured as its outputs."""
+    return StateSpace(
+        system.A,
+        system.B,
+        measured(system).C,
+        states=system.states,
+        inputs=system.inputs,
+        outputs=system.measurement.channels,
+        error_estimates={name: error for name, error in system.error_estimates.items() if name in "AB"},
+    )
+
+
+def _obstacle(system: StateSpace) -> str:
+    """Why no steady filter exists, "" where nothing is found."""
+    unseen = [group for group in unseen_modes(_through_measurement(system)) if group.side >= 0]
+    if unseen:
+        return (
+            f"the measurements {list(system.measurement.channels.names)} do not show {listed(unseen)}, on or right of the "
+            "imaginary axis; measure one of these states"
+        )
+    quiet = [group for group in unmoved_modes(system) if group.side == 0]
+    if quiet:
+        return (
+            f"noise at the inputs {list(system.inputs.names)} does not disturb {listed(quiet)}, on the imaginary axis, so "
+            "the filter would end up correcting it no more; place the poles of a LuenbergerObserver instead"
+        )
+    return ""
 
 
 def require_observer(value: object) -> Observer:

@@ -20,6 +20,7 @@ SWITCHED = SwitchedSystem(SYSTEMS, [np.pi / 2, 3 * np.pi / 2])
 UNSTABLE_UNREACHED = StateSpace(np.diag([1.0, -2.0]), [[0.0], [1.0]], [[1.0, 1.0]])
 STABLE_UNREACHED = StateSpace(np.diag([-1.0, -2.0]), [[0.0], [1.0]], [[1.0, 1.0]])
 DOUBLE_INTEGRATOR = StateSpace([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]])
+STABLE_LIKE_IT = StateSpace([[-2.0, 0.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]])
 
 
 def cost(system: StateSpace, K: np.ndarray, Q: np.ndarray, R: np.ndarray) -> float:
@@ -80,13 +81,27 @@ def test_placed_poles_are_the_same_in_every_interval() -> None:
         (lambda: lqr(DOUBLE_INTEGRATOR, Q=1.0, R=0.0), r"R must be positive definite.*weigh every one of the inputs \['u1'\]"),
         (lambda: lqr(DOUBLE_INTEGRATOR, Q=1.0, R=-1.0), "R must be positive semidefinite"),
         (lambda: lqr(DOUBLE_INTEGRATOR, Q=np.nan, R=1.0), "Q has entries that are not finite"),
-        (lambda: lqr(UNSTABLE_UNREACHED, Q=1.0, R=1.0), r"no LQR gain.*inputs \['u1'\] cannot move"),
-        (lambda: lqr(DOUBLE_INTEGRATOR, Q=0.0, R=1.0), "Q does not weigh|does not stabilize"),
+        (lambda: lqr(UNSTABLE_UNREACHED, Q=1.0, R=1.0), r"no LQR gain: the inputs \['u1'\] do not move the mode 1 \(of x1\)"),
+        (lambda: lqr(DOUBLE_INTEGRATOR, Q=0.0, R=1.0), r"no LQR gain: Q does not weigh the modes 0, 0 \(of x1, x2\)"),
+        (
+            lambda: lqr(DOUBLE_INTEGRATOR, Q=np.diag([0.0, 1.0]), R=1.0),
+            r"Q does not weigh the mode 0 \(of x1\), on the imaginary axis",
+        ),
         (lambda: place(DOUBLE_INTEGRATOR, [-1.0]), "expected 2 poles left of the imaginary axis"),
         (lambda: place(DOUBLE_INTEGRATOR, [-1.0, 0.0]), "expected 2 poles left of the imaginary axis"),
-        (lambda: place(DOUBLE_INTEGRATOR, [-1.0, -1.0]), "poles cannot be placed"),
-        (lambda: place(DOUBLE_INTEGRATOR, [-1.0, -1.0 + 1j]), "poles cannot be placed"),
-        (lambda: place(STABLE_UNREACHED, [-3.0, -4.0]), "poles cannot be placed"),
+        (lambda: place(DOUBLE_INTEGRATOR, [-1.0, -1.0 + 1j]), "left of the imaginary axis, complex ones in conjugate pairs"),
+        (
+            lambda: place(STABLE_UNREACHED, [-3.0, -4.0]),
+            r"poles cannot be placed: the inputs \['u1'\] do not move the mode -1 \(of x1\); keep -1 among the poles, or add",
+        ),
+        (
+            lambda: place(UNSTABLE_UNREACHED, [-3.0, -4.0]),
+            r"do not move the mode 1 \(of x1\), on or right of the imaginary axis; add an input that acts on these states",
+        ),
+        (
+            lambda: place(SwitchedSystem([DOUBLE_INTEGRATOR, STABLE_LIKE_IT], [1.0]), [-3.0, -4.0]),
+            r"interval 1: poles cannot be placed: .* the mode -2 \(of x1\)",
+        ),
         (lambda: GainSchedule((np.zeros((1, 2)),), np.array([1.0])), "one gain more than switch times"),
         (lambda: GainSchedule((np.zeros((1, 2)), np.zeros((1, 3))), np.array([1.0])), r"shapes \[\(1, 2\), \(1, 3\)\]"),
         (lambda: GainSchedule((np.zeros((1, 2)),) * 3, np.array([2.0, 1.0])), "must be finite and increase"),
@@ -103,8 +118,35 @@ def test_modes_that_cannot_be_moved_are_noticed_in_any_coordinates(seed: int) ->
     rng = np.random.default_rng(seed)
     A, B, C = np.diag([-1.0, -2.0, -5.0]), np.array([[1.0], [1.0], [0.0]]), np.ones((1, 3))
     system = StateSpace(A, B, C).transformed(rng.normal(size=(3, 3)))
-    with pytest.raises(ControlError, match="poles cannot be placed"):
+    with pytest.raises(ControlError, match=r"poles cannot be placed: .* do not move the mode -5 .*; keep -5 among the poles"):
         place(system, [-3.0, -4.0, -6.0])
+    (K,) = place(system, [-3.0, -4.0, -5.0]).gains
+    assert_same_set(np.linalg.eigvals(system.A - system.B @ K), [-3.0, -4.0, -5.0], 1e-7)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_poles_may_repeat_as_often_as_one_likes_whatever_the_units(seed: int) -> None:
+    """The characteristic polynomial, whose coefficients do not split as repeated roots do."""
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(2, 7)), int(rng.integers(1, 4))
+    system = StateSpace(rng.normal(size=(n, n)), rng.normal(size=(n, m)), rng.normal(size=(1, n)))
+    units, inputs = 10.0 ** rng.integers(-5, 6, size=n), 10.0 ** rng.integers(-5, 6, size=m)
+    scaled = StateSpace(system.A * units / units[:, None], system.B * inputs / units[:, None], system.C * units)
+    poles = [-2.0] * n if seed % 2 or n < 4 else [-1 + 1j, -1 - 1j] * 2 + [-3.0] * (n - 4)
+    (K,) = place(scaled, poles).gains
+    wanted, found = np.real(np.poly(poles)), np.poly(system.A - system.B @ (K * inputs[:, None] / units))
+    np.testing.assert_allclose(found, wanted, rtol=1e-7, atol=1e-8 * np.max(wanted))
+
+
+def test_a_double_pole_of_the_double_integrator() -> None:
+    """(s + 2)^2 = s^2 + 4 s + 4."""
+    assert place(DOUBLE_INTEGRATOR, [-2.0, -2.0]).gains[0] == pytest.approx(np.array([[4.0, 4.0]]))
+
+
+def test_a_chain_of_integrators_with_all_its_poles_equal() -> None:
+    """(s + 1)^6 has binomial coefficients."""
+    chain = StateSpace(np.eye(6, k=1), np.eye(6)[:, [5]], np.eye(6)[[0]])
+    assert place(chain, [-1.0] * 6).gains[0] == pytest.approx(np.array([[1.0, 6.0, 15.0, 20.0, 15.0, 6.0]]), rel=1e-9)
 
 
 def test_a_switch_time_belongs_to_the_gain_that_it_starts() -> None:

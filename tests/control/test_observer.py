@@ -56,15 +56,38 @@ def test_kalman_filter_is_the_best_constant_gain() -> None:
 def test_modes_that_the_measurements_do_not_show_are_noticed_in_any_coordinates(seed: int, period: float) -> None:
     rng = np.random.default_rng(seed)
     system = StateSpace(np.diag([-1.0, -2.0, -5.0]), np.ones((3, 1)), [[1.0, 1.0, 0.0]]).transformed(rng.normal(size=(3, 3)))
-    with pytest.raises(ControlError, match=r"observer poles cannot be placed: .*measurements \['y1'\] must show every mode"):
+    expected = r"observer poles cannot be placed: the measurements \['y1'\] do not show the mode -5 \(.*; keep -5 among the poles"
+    with pytest.raises(ControlError, match=expected):
         LuenbergerObserver([-3.0, -4.0, -6.0]).gain(system, period)
+    kept = [-3.0, -4.0, -5.0]
+    M = LuenbergerObserver(kept).gain(system, period)
+    assert_same_set(np.log(estimation_poles(system, M, period)) / period, kept, 1e-6)
+
+
+@pytest.mark.parametrize("period", [1e-4, 1e-2, 1.0])
+def test_poles_may_all_be_equal(period: float) -> None:
+    """z^2 - tr z + det = (z - e^(-2 h))^2 for the double integrator, M = [m1, m2]: det = 1 - m1, tr = 2 - m1 - h m2."""
+    M = LuenbergerObserver([-2.0, -2.0]).gain(DOUBLE_INTEGRATOR, period)[:, 0]
+    shrink = -np.expm1(-2.0 * period)  # 1 - z
+    assert M[0] == pytest.approx(shrink * (2.0 - shrink), rel=1e-6)
+    assert M[1] * period == pytest.approx(shrink**2, rel=1e-6)
+
+
+def test_a_mode_that_keeps_the_filter_from_settling_is_named() -> None:
+    unseen = StateSpace(np.diag([0.0, -2.0]), np.ones((2, 1)), [[0.0, 1.0]], states=["heading", "speed"])
+    with pytest.raises(ControlError, match=r"no steady Kalman gain: the measurements .* do not show the mode 0 \(of heading\)"):
+        KalmanFilter(1.0, 1.0).gain(unseen, 0.01)
+    quiet = StateSpace(np.diag([0.0, -2.0]), [[0.0], [1.0]], [[1.0, 1.0]], states=["bias", "speed"])
+    with pytest.raises(ControlError, match=r"noise at the inputs \['u1'\] does not disturb the mode 0 \(of bias\)"):
+        KalmanFilter(1.0, 1.0).gain(quiet, 0.01)
+    assert np.all(np.abs(estimation_poles(quiet, LuenbergerObserver([-1.0, -3.0]).gain(quiet, 0.01), 0.01)) < 1)  # as advised
 
 
 @pytest.mark.parametrize(
     ("build", "message"),
     [
         (lambda: LuenbergerObserver([-1.0]).gain(DOUBLE_INTEGRATOR, 0.1), "expected 2 observer poles left of the imaginary axis"),
-        (lambda: LuenbergerObserver([-1.0, -1.0]).gain(DOUBLE_INTEGRATOR, 0.1), "observer poles cannot be placed"),
+        (lambda: LuenbergerObserver([-1.0, -1.0 + 1j]), "complex ones in conjugate pairs"),
         (lambda: KalmanFilter(0.0, 1.0).gain(DOUBLE_INTEGRATOR, 0.1), r"input_noise must be positive, got \[0\.0\]"),
         (lambda: KalmanFilter(1.0, -1.0).gain(DOUBLE_INTEGRATOR, 0.1), r"measurement_noise must be positive, got \[-1\.0\]"),
         (lambda: KalmanFilter(np.nan, 1.0).gain(DOUBLE_INTEGRATOR, 0.1), r"input_noise must be finite, one number for each of"),

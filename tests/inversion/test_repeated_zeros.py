@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from invtrack.inversion.modified.modified_inversion import modified_inversion
-from invtrack.inversion.modified.schur_placement import schur_gain
 from invtrack.inversion.modified.target_chains import TargetChains
+from invtrack.linear.schur_placement import schur_gain
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.zeros import zero_report
 from invtrack.references.profiles import rest_to_rest

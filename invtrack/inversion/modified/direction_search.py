@@ -12,8 +12,9 @@ from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.inversion.modified.design_problem import TIME_CONSTANTS, best_weights
 from invtrack.inversion.modified.modified_dynamics import Equilibrium, derivative_columns
 from invtrack.inversion.modified.placement import MovablePart, integrator_chains, structured_gain
-from invtrack.inversion.modified.target_chains import TargetChains, repeated
+from invtrack.inversion.modified.target_chains import TargetChains
 from invtrack.linear.internal_dynamics import InternalDynamics
+from invtrack.linear.pole_placement import repeated
 from invtrack.references.signal import PiecewiseSignal
 
 GRID = 3000

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array, ComplexArray, finite_number, real_numbers, shown
 from invtrack.errors import InversionError
-from invtrack.inversion.modified.target_chains import repeated
 from invtrack.linear.internal_dynamics import internal_dynamics, on_axis
+from invtrack.linear.pole_placement import repeated
 from invtrack.linear.propagation import Propagator
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import as_switched

@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # loads scipy.optimize and scipy.signal, which cost a second, at their first use
 import scipy.linalg
 from numpy.typing import NDArray
 
-from invtrack.arrays import Array, ComplexArray, complex_numbers, shown
+from invtrack.arrays import Array, ComplexArray, closed_under_conjugation, complex_numbers, shown
 from invtrack.errors import InversionError
-from invtrack.inversion.modified.schur_placement import schur_gain
-from invtrack.inversion.modified.target_chains import TargetChains, repeated
+from invtrack.inversion.modified.target_chains import TargetChains
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros
 from invtrack.linear.normal_form import NormalForm
-
-PLACED_TOLERANCE = 1e-4
-"""Placed poles must be met to this share of the largest; of a repeated one, which rounding splits, the mean."""
-
-PLACED_ROUNDING = 1e-11
-"""Rounding, of which the k-th root is what a pole of multiplicity k may be split by, as a share of the largest."""
+from invtrack.linear.pole_placement import has_poles, placing_gain
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +60,6 @@ class MovablePart:
         """F (p, n) on [e; xi] from the gain (p, rho + k) on z."""
         rho = sum(self.degrees)
         return np.hstack([gain[:, :rho], gain[:, rho:] @ self.Y.T])
-
-
-def closed_under_conjugation(poles: ComplexArray) -> bool:
-    """Whether complex poles come in conjugate pairs."""
-    return bool(np.allclose(np.sort_complex(poles), np.sort_complex(poles.conj()), rtol=1e-9, atol=0.0))
 
 
 def integrator_chains(form: NormalForm) -> tuple[Array, Array]:
@@ -125,11 +112,7 @@ def _selector(zeros: ComplexArray, moved: NDArray[np.bool_]) -> Callable[[float,
 
 
 def robust_gain(part: MovablePart, output_scale: Array) -> Array | None:
-    """Gain (p, m) by robust pole placement (Tits, Yang 1996), in units in which outputs count alike; None where it fails.
-
-    Poles repeated more often than eigenvectors can be found for (more often than there are inputs, or than independent ways lead to
-    them) are placed one after another instead.
-    """
+    """Gain (p, m) by `placing_gain`, in units in which outputs count alike; None where it fails."""
     if not len(part.M):
         return np.zeros((part.B.shape[1], 0))
     pace = float(np.exp(np.mean(np.log(np.abs(part.poles)))))
@@ -141,17 +124,8 @@ def robust_gain(part: MovablePart, output_scale: Array) -> Array | None:
     d = np.concatenate([d_e, np.full(len(part.M) - rho, off if off > 0 else 1.0)])
     M, B, poles = part.M * d / d[:, None] / pace, part.B * d_v / d[:, None] / pace, part.poles / pace
 
-    def in_units(gain: Array | None) -> Array | None:
-        return None if gain is None else _accepted(part, gain * d_v[:, None] / d)
-
-    try:
-        with warnings.catch_warnings():
-            # Iterations that end before the gain is at its most robust leave the poles in place, and these are checked below.
-            warnings.filterwarnings("ignore", message="Convergence was not reached", category=UserWarning)
-            robust = in_units(-np.asarray(scipy.signal.place_poles(M, B, poles).gain_matrix))
-    except (ValueError, np.linalg.LinAlgError):  # poles repeated more often than eigenvectors can be found for
-        robust = None
-    return in_units(schur_gain(M, B, poles)) if robust is None else robust
+    gain = placing_gain(M, B, poles)
+    return None if gain is None else _accepted(part, gain * d_v[:, None] / d)
 
 
 def structured_gain(part: MovablePart, chains: TargetChains, directions: Array) -> Array | None:
@@ -190,15 +164,5 @@ def companion(poles: ComplexArray) -> Array:
 
 
 def _accepted(part: MovablePart, gain: Array) -> Array | None:
-    """The gain if it places the poles: each as exactly as its multiplicity lets it, repeated ones also in their mean."""
-    found = np.linalg.eigvals(part.M + part.B @ gain)
-    poles, size = part.poles, float(np.max(np.abs(part.poles), initial=0.0))
-    which, order = scipy.optimize.linear_sum_assignment(np.abs(found[:, None] - poles))
-    miss = np.empty(len(poles), dtype=complex)
-    miss[order] = found[which] - poles[order]
-    for equal in repeated(poles):
-        if abs(np.mean(miss[equal])) > PLACED_TOLERANCE * size:
-            return None
-        if np.max(np.abs(miss[equal])) > max(PLACED_TOLERANCE, PLACED_ROUNDING ** (1 / len(equal))) * size:
-            return None
-    return gain
+    """The gain if it places the poles."""
+    return gain if has_poles(part.M + part.B @ gain, part.poles) else None

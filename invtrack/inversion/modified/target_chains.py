@@ -7,20 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from invtrack.arrays import Array, ComplexArray, Indices
-
-EQUAL_TOLERANCE = 1e-6
-"""Poles closer than this share of the largest are one repeated pole."""
-
-
-def repeated(poles: ComplexArray) -> list[Indices]:
-    """Which poles are equal to within rounding: the indices of each distinct one."""
-    near, left, found = EQUAL_TOLERANCE * float(np.max(np.abs(poles), initial=0.0)), np.arange(len(poles)), []
-    while len(left):
-        equal = np.abs(poles[left] - poles[left[0]]) <= near
-        found.append(left[equal])
-        left = left[~equal]
-    return found
+from invtrack.arrays import Array, ComplexArray
+from invtrack.linear.pole_placement import repeated
 
 
 @dataclass(frozen=True, eq=False)
