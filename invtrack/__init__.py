@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
         LuenbergerObserver,
         OutputFeedbackController,
         TrackingController,
+        bryson,
         lqr,
         place,
     )
@@ -77,6 +78,7 @@ __all__ = [
     "StateSpace",
     "SwitchedSystem",
     "TrackingController",
+    "bryson",
     "causal_inverse",
     "constrained_redesign",
     "exosystem_map",
@@ -124,6 +126,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
         "LuenbergerObserver",
         "OutputFeedbackController",
         "TrackingController",
+        "bryson",
         "lqr",
         "place",
     ),

@@ -119,7 +119,7 @@ def _through_measurement(system: StateSpace) -> StateSpace:
     return StateSpace(
         system.A,
         system.B,
-        measured(system).C,
+        system.measurement.C,
         states=system.states,
         inputs=system.inputs,
         outputs=system.measurement.channels,
