@@ -1,6 +1,6 @@
 """Controllers around a plan, their gains, and observers for what is not measured."""
 
-from invtrack.control.bryson import Weights, bryson
+from invtrack.control.bryson import bryson
 from invtrack.control.exosystem_controller import ExosystemController
 from invtrack.control.gains import GainSchedule, lqr, place
 from invtrack.control.observer import ExosystemObserver, KalmanFilter, LuenbergerObserver, Observer
@@ -24,7 +24,6 @@ __all__ = [
     "OutputFeedbackLaw",
     "PlanFollower",
     "TrackingController",
-    "Weights",
     "bryson",
     "lqr",
     "place",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,21 +20,14 @@ SAME = 1e-9
 """Entries of C that differ from interval to interval by less than this share, or by their errors, are the same."""
 
 
-class Weights(NamedTuple):
-    """Weights of x'Q x + u'R u: Q (n, n) of the states, R (m, m) of the inputs, in their units."""
-
-    Q: Array
-    R: Array
-
-
 def bryson(
     model: Any,
     *,
     states: Mapping[str, float] | None = None,
     outputs: Mapping[str, float] | None = None,
     inputs: Mapping[str, float] | None = None,
-) -> Weights:
-    """Weights with which each largest acceptable deviation costs as much as any other: the sum of (deviation / largest)^2.
+) -> tuple[Array, Array]:
+    """Weights Q (n, n), R (m, m) with which largest acceptable deviations all cost alike: the sum of (deviation / largest)^2.
 
         Q, R = invtrack.bryson(model, outputs={"tip": 0.01}, inputs={"motor": 2.0})
         gains = invtrack.lqr(model, Q=Q, R=R)
@@ -62,7 +55,7 @@ def bryson(
     rows = [np.eye(plant.n_states)[i] / largest for i, largest in of_states.items()]
     rows += [_output_row(plant, j) / largest for j, largest in of_outputs.items()]
     scaled = np.array(rows)
-    return Weights(Q=scaled.T @ scaled, R=np.diag(_input_sizes(plant, inputs) ** -2.0))
+    return scaled.T @ scaled, np.diag(_input_sizes(plant, inputs) ** -2.0)
 
 
 def _deviations(kind: str, given: Mapping[str, float] | None, channels: Channels) -> dict[int, float]:

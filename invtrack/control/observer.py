@@ -58,6 +58,8 @@ class LuenbergerObserver:
         seen = _through_measurement(system)
         hidden = hidden_subspaces([seen])
         A_d, _ = zero_order_hold(system.A * hidden.units / hidden.units[:, None], np.zeros((system.n_states, 0)), period)
+        if not np.all(np.isfinite(A_d)):
+            raise ControlError(f"within a period of {period:g} s the plant outgrows what numbers hold; choose a shorter one")
         # By the change per second, so that at short periods, where all poles are near 1, they are still told apart.
         rate = (A_d - np.eye(system.n_states)) / period
         M = placed_gain(

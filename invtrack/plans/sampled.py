@@ -20,6 +20,7 @@ from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
 from invtrack.plans.plan import Plan, intervals_of_pieces
+from invtrack.plans.ringing import Ringing
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import PolynomialSegments, Trajectory
 from invtrack.references.profiles import piecewise_polynomial
@@ -90,7 +91,7 @@ def write_samples(samples: SampledPlan, path: str | Path) -> Path:
 
 def read_samples(path: str | Path) -> SampledPlan:
     """The rows that `export_plan` wrote, bit for bit. Raises FileError where the file cannot be read or holds no plan."""
-    table = read_table(_csv(path), lambda header: range(len(header)))
+    table = read_table(_csv(path), lambda header: range(len(header.texts)))
     owners = [column.partition(".")[0] for column in table.columns]
     expected = [TIME, *sorted(owners[1:], key=lambda owner: (*ARRAYS, owner).index(owner))]
     if owners != expected or set(owners[1:]) != set(ARRAYS):
@@ -149,6 +150,7 @@ def plan_from(samples: SampledPlan) -> Plan:
         postactuation=float(origin["postactuation"]),
         tolerance=float(origin["tolerance"]),
         certificate=Certificate(**origin["certificate"]),
+        ringing=None if origin["ringing"] is None else Ringing(**origin["ringing"]),
         remarks=(*origin["remarks"], f"read from {len(samples.time)} samples; the certificate is that of the plan they come from"),
     )
 

@@ -10,8 +10,9 @@ from invtrack.references.exosystem import (
     sum_exosystems,
 )
 from invtrack.references.profiles import autonomous, constant, piecewise_polynomial, raised_cosine, rest_to_rest
+from invtrack.references.reference_file import load_reference
 from invtrack.references.reference_report import ReferenceReport, reference_report
-from invtrack.references.samples import load_reference, sampled_reference
+from invtrack.references.samples import sampled_reference
 from invtrack.references.signal import PiecewiseSignal, stack
 
 __all__ = [

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from fractions import Fraction
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import scipy  # loads scipy.interpolate at its first use
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from invtrack.arguments import file_path, require_text, texts
 from invtrack.arrays import Array, Indices, real_numbers, whole_number
-from invtrack.errors import FileError, TrajectoryError
-from invtrack.files import read_table
+from invtrack.errors import TrajectoryError
 from invtrack.references.polynomials import polynomial_signal, state_units
 from invtrack.references.signal import PiecewiseSignal
 
@@ -50,7 +47,7 @@ def sampled_reference(times: ArrayLike, values: ArrayLike, *, degree: int = 5, s
     1e-9 of the motion (from degree 37 on for even spacing). Source: C. de Boor, A Practical Guide to Splines, 2001, ch. XIII.
     """
     t, y = _samples(times, values)
-    _require_increasing(t, lambda i: f"sample {i}")
+    require_increasing(t, lambda i: f"sample {i}")
     smoothness = _require_possible(len(t), degree, smoothness)
     edges = _edges(t, degree)
     units = state_units(np.diff(edges), degree)  # powers of two, so that no knot is rounded
@@ -66,50 +63,6 @@ def sampled_reference(times: ArrayLike, values: ArrayLike, *, degree: int = 5, s
         derivatives[:, :, order] = spline(edges[:-1] / scale) * ((units / scale) ** order)[:, np.newaxis]
     p = y.shape[1]
     return polynomial_signal(edges, units, derivatives, (y[0], y[-1]), rows=np.eye(p), offset=np.zeros(p))
-
-
-def load_reference(
-    path: str | Path,
-    *,
-    time: str = "time",
-    channels: Sequence[str] | None = None,
-    degree: int = 5,
-    smoothness: int | None = None,
-) -> PiecewiseSignal:
-    """`sampled_reference` of the columns of a CSV file with a header row; lines that begin with # are skipped.
-
-    A column is named by its whole header text or by what stands there before its unit: "tip" finds "tip [m]".
-
-    Args:
-        path: the file.
-        time: the column of times [s].
-        channels: the columns of values, in the order of the plant's outputs; None: all others.
-        degree, smoothness: as for `sampled_reference`.
-
-    Raises FileError as `sampled_reference` does, and, naming file and line, where a row has another number of cells than the
-    header, a cell is not a finite number, times do not increase or are not in seconds, or a column is not there.
-    """
-
-    path, time = file_path(path), require_text("time", time, error=FileError)
-    if channels is not None:
-        channels = texts("channels", channels, expected="a list of names of columns", error=FileError)
-
-    def choose(header: Sequence[str]) -> list[int]:
-        first = _column(path, header, time)
-        if _name_and_unit(header[first])[1] not in ("", "s"):
-            raise FileError(f"{path}: expected times in seconds, got the column {header[first]!r}; convert it to [s]")
-        others = [i for i in range(len(header)) if i != first]
-        return [first, *(others if channels is None else [_column(path, header, name) for name in channels])]
-
-    table = read_table(path, choose)
-    if len(table.columns) < 2:
-        raise FileError(f"{path}: expected at least one column of values beside {time!r}, got none")
-    t, values = table.values[:, 0], table.values[:, 1:]
-    try:
-        _require_increasing(t, lambda i: f"line {table.lines[i]}")
-        return sampled_reference(t, values, degree=degree, smoothness=smoothness)
-    except TrajectoryError as error:
-        raise FileError(f"{path}: {error}") from error
 
 
 def _samples(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
@@ -129,7 +82,8 @@ def _samples(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
     return t, y
 
 
-def _require_increasing(t: Array, place: Callable[[int], str]) -> None:
+def require_increasing(t: Array, place: Callable[[int], str]) -> None:
+    """Raises TrajectoryError unless the times (m,) increase; place: what the message calls the sample of a number."""
     bad = np.flatnonzero(np.diff(t) <= 0)
     if bad.size:
         i = int(bad[0]) + 1
@@ -248,19 +202,3 @@ def _require_well_posed(t: Array, y: Array, spline: scipy.interpolate.BSpline) -
             f"{spacing.max() / spacing.min():.1e} times the smallest; lower the degree, or the smoothness at "
             "the ends where the samples do not rest there, or even out the times"
         )
-
-
-def _column(path: str | Path, header: Sequence[str], wanted: str) -> int:
-    """Number of the column with this header text, or with this text before its unit."""
-    matches = [i for i, text in enumerate(header) if text == wanted]
-    matches = matches or [i for i, text in enumerate(header) if _name_and_unit(text)[0] == wanted]
-    if len(matches) != 1:
-        found = f"{len(matches)} columns" if matches else "no column"
-        raise FileError(f"{path} has {found} named {wanted!r}; its columns are: {', '.join(header)}")
-    return matches[0]
-
-
-def _name_and_unit(text: str) -> tuple[str, str]:
-    """("tip", "m") from "tip [m]"; the unit is empty where none is given."""
-    name, bracket, unit = text.rpartition("[")
-    return (name.strip(), unit[:-1].strip()) if bracket and unit.endswith("]") else (text, "")

@@ -23,7 +23,8 @@ from invtrack.plans.export import export_plan, sampled_plan
 from invtrack.plans.plan import Plan
 from invtrack.plans.sampled import SampledPlan, read_samples, write_samples
 from invtrack.references.profiles import rest_to_rest
-from invtrack.references.samples import load_reference, sampled_reference
+from invtrack.references.reference_file import load_reference
+from invtrack.references.samples import sampled_reference
 
 Array = NDArray[np.float64]
 

@@ -52,6 +52,14 @@ def test_it_says_what_the_exported_plan_said(plan: invtrack.Plan, tmp_path: Path
     assert f"read from {len(sampled_plan(plan, rate=20.0).time)} samples" in found.remarks[-1]
 
 
+def test_it_says_that_it_rings_on(tmp_path: Path) -> None:
+    """A lightly damped stable zero pair: (s^2 + 0.1 s + 4)/(s + 1)^4 in controllable form."""
+    A = np.vstack([np.eye(4)[1:], [-1.0, -4.0, -6.0, -4.0]])
+    plan = invtrack.invert(invtrack.StateSpace(A, np.eye(4)[:, [3]], [[4.0, 0.1, 1.0, 0.0]]), invtrack.rest_to_rest(0.0, 1.0, 1.0))
+    assert plan.ringing is not None
+    assert read_at(plan, tmp_path, 50.0).ringing == plan.ringing
+
+
 def test_it_goes_through_its_samples(plan: invtrack.Plan, tmp_path: Path) -> None:
     rate = 20.0
     found, table = read_at(plan, tmp_path, rate), sampled_plan(plan, rate=rate)

@@ -337,6 +337,7 @@ def _calls() -> dict[str, Call]:
         "RegulationMap.inadmissible_share": call(maps.inadmissible_share, x_e=maps.admissible[:, 0], at=0.0),
         # control
         "lqr": call(invtrack.lqr, model=model, Q=1.0, R=1.0),
+        "bryson": call(invtrack.bryson, model=model, states={"x1": 0.1}, outputs={"y1": 0.1}, inputs={"u1": 1.0}),
         "place": call(invtrack.place, model=model, poles=[-1.0, -2.0]),
         "GainSchedule": call(invtrack.GainSchedule, gains=[np.zeros((1, 2))] * 2, switch_times=[0.5]),
         "GainSchedule.interval": call(gains.interval, t=[0.5]),

@@ -16,8 +16,9 @@ from invtrack.errors import FileError, TrajectoryError
 from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import StateSpace
 from invtrack.references.profiles import rest_to_rest
+from invtrack.references.reference_file import load_reference
 from invtrack.references.reference_report import reference_report
-from invtrack.references.samples import load_reference, sampled_reference
+from invtrack.references.samples import sampled_reference
 from invtrack.references.signal import PiecewiseSignal
 from tests.cited_plants import cantilever_paper
 
@@ -229,7 +230,15 @@ def test_a_file_gives_the_reference_of_its_columns(tmp_path: Path) -> None:
         ("time,y [m],y [rad]\n0,0,0\n1,1,1\n", {"channels": ["y"]}, r"2 columns named 'y'"),
         ("time,y\n0,0\n1,1\n", {"channels": []}, r"at least one column of values"),
         ("time,y,y\n0,0,0\n", {}, r"names a column twice"),
-        ("time [ms],y\n0,0\n1,1\n", {}, r"times in seconds, got the column 'time \[ms\]'"),
+        ("time [fortnights],y\n0,0\n1,1\n", {}, r"expected the column 'time \[fortnights\]' in \[s\]"),
+        ("when,y\n0,0\n1,1\n", {}, r"no column, or more than one, named 'time' or 't'; say which .* columns are: when, y"),
+        ("0,0\n1,1\n", {"channels": ["a", "b"]}, r"no header row, so its 1 column\(s\) .* expected 2, for a, b"),
+        ("0,0\n1,1\n", {"time": "time"}, r"no header row, so none named 'time'; leave `time` out"),
+        ("0,0\n1,1,2\n", {}, r"line 2: expected 2 cells as in the first row, got 3"),
+        ("t;y\n0,5;0\n1.5;1\n", {}, r"line 3: expected one decimal sign throughout, got a comma in line 2 and a point in line 3"),
+        ("t;y\n1,000;0\n2,000;1\n", {}, r"line 2: a comma there may be the decimal sign or set off thousands"),
+        ("t;y\n0;1,000,000\n1;0,5\n", {}, r"line 2, column 'y': expected a finite number, got '1,000,000'"),
+        ("t;y\n0;0\n1\n", {}, r"line 3: expected 2 cells as in the header row, got 1"),
         ("time,y\n0,0\n1,1\n", {"degree": 7, "smoothness": 0}, r"motion\.csv: expected at least 4 samples"),
         ('time,y\n"0,5",1\n1,"2\n', {}, r"motion\.csv, line 2, column 'time': .* got '0,5'"),
     ],
