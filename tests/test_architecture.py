@@ -22,6 +22,7 @@ ROOMS: dict[str, set[str]] = {
     "arrays": set(),
     "arguments": set(),
     "channels": set(),
+    "layout": set(),
     "linear": {*THEORY},
     "references": {"linear", *THEORY},
     "plans": {"linear", "references", *THEORY},
@@ -36,7 +37,7 @@ ROOMS: dict[str, set[str]] = {
     "figures": {"results", "plans", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
     "studies": {"plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
 }
-EVERYWHERE = {"arguments", "arrays", "channels", "errors", "files", "numpy"}
+EVERYWHERE = {"arguments", "arrays", "channels", "errors", "files", "layout", "numpy"}
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}
 
 SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
+from invtrack.layout import aligned
 from invtrack.linear.zeros import ZeroReport
 
 SAME_SUBSPACE = 1e-7
@@ -192,8 +193,7 @@ class FeasibilityReport:
 
 
 def _table(head: tuple[str, ...], rows: list[tuple[str, ...]], total: int) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    lines = ["  " + "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in (head, *rows)]
+    lines = aligned(head, rows)
     return lines if len(rows) == total else [*lines, f"  ... {total - len(rows)} more"]
 
 

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from invtrack.arrays import ComplexArray
+from invtrack.layout import aligned
 from invtrack.linear.hidden_modes import ZeroKind, zero_kinds
 from invtrack.linear.internal_dynamics import format_zeros, internal_dynamics, on_axis
 from invtrack.linear.state_space import as_state_space
 
 NEAR_AXIS = 0.1
 """A zero is called near the imaginary axis where |Re| is below this share of its magnitude."""
+
+COLUMNS = ("zero [rad/s]", "side", "time constant [s]", "frequency [rad/s]", "kind")
 
 START_SHARE = 0.01
 """The preactuation time reported runs from where the input has grown to this share of its size at the start of the manoeuvre."""
@@ -120,14 +123,14 @@ class ZeroReport:
     def __str__(self) -> str:
         head = f"{len(self.zeros)} zero(s); {self.degrees}, condition number of B_y {self.decoupling_condition:.3g}"
         lines, size = [head], max((abs(zero.value) for zero in self.zeros), default=0.0)
-        if self.zeros:
-            lines.append(f"  {'zero [rad/s]':<24}{'side':<12}{'time constant [s]':<19}{'frequency [rad/s]':<19}kind")
+        rows = []
         for zero in self.zeros:
             if zero.value.imag < 0:
                 continue  # stands in the line of its conjugate
             side = "on axis" if zero.on_axis else "antistable" if zero.antistable else "stable"
-            time_constant, frequency = f"{zero.time_constant:.4g}", f"{zero.frequency:.4g}"
-            lines.append(f"  {format_zeros(zero.value, size):<24}{side:<12}{time_constant:<19}{frequency:<19}{zero.kind}")
+            rows.append((format_zeros(zero.value, size), side, f"{zero.time_constant:.4g}", f"{zero.frequency:.4g}", zero.kind))
+        if rows:
+            lines += aligned(COLUMNS, rows)
         return "\n".join(lines + self._sentences())
 
     def _sentences(self) -> list[str]:

@@ -12,7 +12,10 @@ from invtrack.arguments import texts
 from invtrack.arrays import Array, whole_number
 from invtrack.channels import Channels
 from invtrack.errors import TrajectoryError
+from invtrack.layout import aligned
 from invtrack.references.signal import HIGHEST_DERIVATIVE, JUMP_TOLERANCE, Generator, PiecewiseSignal, require_signal
+
+COLUMNS = ("order", "peak", "continuous", "change from piece to piece")
 
 FEWEST_PIECES = 16
 """With fewer pieces a change from piece to piece is the shape of the motion, not noise in samples."""
@@ -62,11 +65,12 @@ class ReferenceReport:
         spacing = f"of {self.spacing[0]:.4g} s to {self.spacing[1]:.4g} s" if self.pieces else "at rest throughout"
         lines = [f"Reference from {self.span[0]:.6g} s to {self.span[1]:.6g} s, {self.pieces} piece(s) {spacing}"]
         for i, (name, unit) in enumerate(zip(self.channels.names, self.channels.units, strict=True)):
-            lines += [name, "  order  peak" + " " * 20 + "continuous  change from piece to piece"]
+            rows = []
             for order, (peak, rough) in enumerate(zip(self.peaks[:, i], self.roughness[:, i], strict=True)):
                 size = f"{peak:.4g} {derivative_unit(unit, order)}"
                 change = "-" if np.isnan(rough) else f"{rough:.2g} of its rms"
-                lines.append(f"  {order:<5}  {size:<22}  {'yes' if order < self.continuous[i] else 'no':<10}  {change}")
+                rows.append((str(order), size, "yes" if order < self.continuous[i] else "no", change))
+            lines += [name, *aligned(COLUMNS, rows)]
             lines += [f"  {self._rest_sentence(place, self.rest[i][place])}" for place in (0, 1)]
             lines += self._noise_sentence(i)
         return "\n".join(lines)

@@ -14,6 +14,7 @@ from invtrack.errors import InversionError
 from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_inversion import ModifiedTrajectory, modified_inversion
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named
+from invtrack.layout import aligned
 from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.linear.switched import as_switched
 from invtrack.linear.zeros import zeros
@@ -264,4 +265,4 @@ class TradeOff:
         rows = [
             tuple(f"{self.column(name)[k]:.4g}" for name in TradeOffPoint.__dataclass_fields__) for k in range(len(self.points))
         ]
-        return "\n".join([head, *("".join(f"{entry:<19}" for entry in row).rstrip() for row in (titles, *rows))])
+        return "\n".join([head, *aligned(titles, rows)])

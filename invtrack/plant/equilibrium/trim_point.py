@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from invtrack.layout import aligned
 from invtrack.plant.elements import listed
 from invtrack.plant.plant import Plant
 
@@ -100,7 +101,7 @@ class TrimPoint:
     def __str__(self) -> str:
         """All quantities in a table, and what a reader has to know of them."""
         rows = [(q.kind, q.name, f"{q.value:.8g}", q.unit, q.origin) for q in self.quantities]
-        lines = [self._summary(), *_table([COLUMNS, *rows])]
+        lines = [self._summary(), *aligned(COLUMNS, rows)]
         if self.open_directions:
             lines.append(f"{self.open_directions} direction(s) left open by what is given; this is the nearest equilibrium")
         if self.held_by:
@@ -108,9 +109,3 @@ class TrimPoint:
         if self.at_limits:
             lines.append(f"at the end of their range: {listed(self.at_limits)}")
         return "\n".join(lines)
-
-
-def _table(rows: Sequence[tuple[str, ...]]) -> list[str]:
-    """Lines in which every column is as wide as its widest cell."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return ["  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
