@@ -18,6 +18,7 @@ from invtrack.figures.style import (
     draw_steps,
     join_units,
     label,
+    legend_below,
     line_looks,
     mark_intervals,
     new_figure,
@@ -52,7 +53,7 @@ def comparison_figure(results: Sequence[RunResult], *, window: tuple[float, floa
         _label_rows(panels, first)
         panels[-1].set_xlabel("time [s]")
         figure.align_ylabels()
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
+        legend_below(figure, *panels[0].get_legend_handles_labels())
     return figure
 
 
@@ -93,7 +94,7 @@ def around_figure(results: Sequence[RunResult], *, times: Mapping[str, float], b
         panels[0, 0].set_ylim(min(low for low, _ in limits), max(high for _, high in limits))
         _label_rows(panels[:, 0].tolist(), first)
         figure.align_ylabels()
-        figure.legend(*panels[0, 0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
+        legend_below(figure, *panels[0, 0].get_legend_handles_labels())
     return figure
 
 

@@ -18,7 +18,17 @@ from invtrack.arguments import by_name, flag, instance, items, require_text, tex
 from invtrack.arrays import Array, ComplexArray, complex_numbers, finite_number, real_vector
 from invtrack.errors import InvtrackError
 from invtrack.figures.panels import line_of, panels_of, values_of, window_of
-from invtrack.figures.style import FAINT, REFERENCE, draw_line, draw_magnitudes, line_looks, new_figure, shared_style, within
+from invtrack.figures.style import (
+    FAINT,
+    REFERENCE,
+    draw_line,
+    draw_magnitudes,
+    legend_below,
+    line_looks,
+    new_figure,
+    shared_style,
+    within,
+)
 from invtrack.plans.plan import Plan, Samples, require_plan
 
 Line = tuple[Array, Array]
@@ -84,7 +94,7 @@ def overlay_figure(
         all_axes[-1].set_xlabel("time [s]")
         figure.align_ylabels()
         if len(handles) > 1:
-            figure.legend(list(handles.values()), list(handles), loc="outside lower left", ncols=5)
+            legend_below(figure, list(handles.values()), list(handles), columns=5)
     return figure
 
 
@@ -294,7 +304,7 @@ def frequency_response_figure(
         all_axes[0].margins(x=0.0)
         figure.align_ylabels()
         if len(curves) > 1:
-            figure.legend(*all_axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=4)
+            legend_below(figure, *all_axes[0].get_legend_handles_labels())
     return figure
 
 

@@ -82,6 +82,15 @@ def new_figure(title: str, *, width: float = 8.0, height: float) -> Figure:
     return figure
 
 
+def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], *, columns: int = 4) -> None:
+    """A legend of all panels below them, in as many columns, up to `columns`, as fit beside each other."""
+    for count in range(columns, 0, -1):
+        legend = figure.legend(handles, labels, loc="outside lower left", ncols=count)
+        if count == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
+
+
 def line_looks(count: int) -> list[dict[str, str]]:
     """Colour and line style of each of `count` lines, distinct up to 18 of them."""
     looks = [{"color": color, "linestyle": style} for style, color in product(LINE_STYLES, COLORS)]

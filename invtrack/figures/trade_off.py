@@ -14,7 +14,7 @@ from invtrack.arguments import flag, require_text, texts
 from invtrack.arrays import Array, shown
 from invtrack.errors import InvtrackError
 from invtrack.figures.panels import panels_of, values_of
-from invtrack.figures.style import INK, line_looks, new_figure, shared_style
+from invtrack.figures.style import INK, legend_below, line_looks, new_figure, shared_style
 
 Curves = Mapping[str, Sequence[float]]
 
@@ -89,7 +89,7 @@ def trade_off_figure(
         figure.align_ylabels()
         if len(names) > 1:
             handles = {text: handle for axes in all_axes for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
-            figure.legend(list(handles.values()), list(handles), loc="outside lower left", ncols=4)
+            legend_below(figure, list(handles.values()), list(handles))
     return figure
 
 

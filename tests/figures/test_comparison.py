@@ -92,6 +92,18 @@ def test_a_column_for_each_time(runs: list[RunResult]) -> None:
     assert legend_entries(figure) == [run.name for run in runs]
 
 
+@pytest.mark.parametrize("length", [4, 25, 60])
+def test_the_legend_stays_in_the_figure_whatever_the_runs_are_called(runs: list[RunResult], length: int) -> None:
+    named = [replace(runs[0], name=f"{'x' * length} {number}") for number in range(4)]
+    figure = comparison_figure(named)
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    assert legend_entries(figure) == [run.name for run in named]
+    assert 0 <= legend.get_window_extent().x0 < legend.get_window_extent().x1 <= figure.bbox.width
+    lines = {round(text.get_window_extent().y0) for text in legend.get_texts()}
+    assert (len(lines) == 1) == (length == 4)
+
+
 def test_the_error_axis_holds_the_errors_of_all_columns(runs: list[RunResult]) -> None:
     """Scaled to the last column alone, larger errors elsewhere would be cut off."""
     quiet = replace(runs[0], output=replace(runs[0].output, values=runs[0].reference.values + 1e-9), name="quiet")
