@@ -16,6 +16,9 @@ PLACED_TOLERANCE = 1e-4
 PLACED_ROUNDING = 1e-11
 """Rounding, of which the k-th root is what a pole of multiplicity k may be split by, as a share of the largest."""
 
+LARGEST_SPLIT = 1e-2
+"""However large the feedback is, of repeated poles no more than this share of the largest is put down to it."""
+
 EQUAL_TOLERANCE = 1e-6
 """Poles closer than this share of the largest are one repeated pole."""
 
@@ -62,6 +65,9 @@ def has_poles(A: Array, poles: ComplexArray) -> bool:
     for equal in repeated(poles):
         if abs(np.mean(miss[equal])) > PLACED_TOLERANCE * size:
             return False
-        if np.max(np.abs(miss[equal])) > max(PLACED_TOLERANCE, PLACED_ROUNDING ** (1 / len(equal))) * size:
+        split = PLACED_ROUNDING ** (1 / len(equal))
+        # Rounding e |A| across a Jordan chain with steps of up to |A| splits it by (e |A| |A|^(k-1))^(1/k).
+        allowed = max(PLACED_TOLERANCE, split, min(split * float(np.linalg.norm(A)) / size, LARGEST_SPLIT))
+        if np.max(np.abs(miss[equal])) > allowed * size:
             return False
     return True

@@ -138,6 +138,17 @@ def test_poles_may_repeat_as_often_as_one_likes_whatever_the_units(seed: int) ->
     np.testing.assert_allclose(found, wanted, rtol=1e-7, atol=1e-8 * np.max(wanted))
 
 
+def test_double_poles_that_take_large_gains() -> None:
+    """Six states behind one input: closed loops up to 2000 times as large as their poles, still right to the last digits."""
+    rng = np.random.default_rng(6)
+    for _ in range(20):
+        system = StateSpace(rng.normal(size=(6, 6)) / np.sqrt(6), rng.normal(size=(6, 1)), rng.normal(size=(1, 6)))
+        poles = np.tile(-rng.uniform(0.5, 2.0, 3), 2)
+        (K,) = place(system, poles.tolist()).gains
+        wanted = np.real(np.poly(poles))
+        np.testing.assert_allclose(np.poly(system.A - system.B @ K), wanted, atol=1e-9 * np.max(wanted))
+
+
 def test_a_double_pole_of_the_double_integrator() -> None:
     """(s + 2)^2 = s^2 + 4 s + 4."""
     assert place(DOUBLE_INTEGRATOR, [-2.0, -2.0]).gains[0] == pytest.approx(np.array([[4.0, 4.0]]))
