@@ -33,7 +33,7 @@ def test_several_choices_are_compared_and_the_best_kept() -> None:
     assert integral_square(plan, -10.0, 30.0) == pytest.approx(sizes[plan.design], rel=1e-3)
     robust = modified_inversion(HE3, HOVER, move=move, error_poles=HE3_POLES, design="robust")
     assert integral_square(robust, -10.0, 30.0) == pytest.approx(sizes["robust placement"], rel=1e-3)
-    assert "optimized directions with L was taken" in plan.remarks[-1]
+    assert any("optimized directions with L was taken" in remark for remark in plan.remarks)
     np.testing.assert_array_equal(robust.modification[0].L, 0.0)
 
 

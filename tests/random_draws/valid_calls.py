@@ -54,7 +54,7 @@ NOT_DOORS = {
     *("Certificate", "Plan", "PolynomialSegments", "PreactuationBound", "Ringing", "SampledPlan", "Samples", "Tail", "Trajectory"),
     *("TwoSidedSegments", "NormalForm", "Zero", "ZeroReport", "BoundaryConditions", "Candidate", "FeasibilityReport"),
     *("IntervalReport", "JumpReport", "Modification", "ModifiedTrajectory", "TradeOff", "TradeOffPoint", "ActiveLimit"),
-    *("ActiveStretch", "Optimality", "OptimalTrajectory", "TrimPoint", "TrimmedQuantity"),
+    *("ActiveStretch", "Optimality", "OptimalTrajectory", "TrimPoint", "TrimmedQuantity", "ActingLimit", "Stretches"),
     *("ConstrainedTrajectory", "FrequencyResponse", "ImpulseResponse", "Outcome", "Prefilter", "PrefilteredTrajectory"),
     *(
         "ReferenceReport",
