@@ -20,6 +20,9 @@ TERMS = {1: 9, SPARSE: 16}
 All of them always, however close the times: of a chain of integrators in unlike units the last ones may be the largest.
 """
 
+EVEN_ANGLE = 1e-9
+"""Times that miss an even spacing by more than this over the pace are not taken for even, however coarsely they are rounded."""
+
 LONG_STRETCH = 64
 """Fewer times than this in a stretch, or fewer than there are states, are not worth a look at their spacing."""
 
@@ -69,7 +72,7 @@ class TransitionSeries:
             owner: which of these each time belongs to (m,).
             tau: times since the start (m,), not negative [s].
             resolution: how far off the times may be (from rounding of the absolute times behind tau) and still count as evenly
-                spaced [s].
+                spaced [s]; less where the states would change noticeably within it.
         """
         result = np.empty((len(tau), len(X)))
         if math.isinf(self.powers.step):
@@ -81,7 +84,7 @@ class TransitionSeries:
         done = 0
         for stretch in np.flatnonzero(np.diff(edges) >= long):
             first, last = edges[stretch : stretch + 2].tolist()
-            spacing = _even_spacing(tau[first:last], resolution)
+            spacing = _even_spacing(tau[first:last], min(resolution, EVEN_ANGLE / max(self.powers.pace, np.finfo(float).tiny)))
             if spacing is None:
                 continue
             before, part = slice(done, first), slice(first, last)
@@ -199,9 +202,10 @@ class _Rows:
 
 
 def _even_spacing(tau: Array, resolution: float) -> float | None:
-    """The spacing of times that are even to within the resolution, or None."""
+    """The spacing of times that are even to within the resolution from the earliest on, or None; negative for falling times."""
     spacing = float((tau[-1] - tau[0]) / (len(tau) - 1))
     if abs(spacing) <= resolution:
         return None
-    even = np.max(np.abs(tau - (tau[0] + spacing * np.arange(len(tau))))) <= resolution
+    rising = tau if spacing > 0 else tau[::-1]
+    even = np.max(np.abs(rising - (rising[0] + abs(spacing) * np.arange(len(tau))))) <= resolution
     return spacing if even else None

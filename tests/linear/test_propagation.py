@@ -190,3 +190,16 @@ def test_states_that_nothing_couples_are_carried_at_their_own_pace(tau: np.ndarr
     assert (own.pace, own.growth) == (pytest.approx(3 * a), pytest.approx(0.0, abs=1e-14))
     assert own.matrix(0.5)[:, 0] == pytest.approx(np.append(np.cos(1.0) * np.eye(8)[0], -np.sin(1.0) * np.eye(8)[0]), abs=1e-14)
     assert own.transposed.matrix(0.5) == pytest.approx(own.matrix(0.5).T, abs=1e-15)
+
+
+def test_evenly_spaced_times_that_lie_far_out_are_taken_as_they_are() -> None:
+    """Times from 1e10 s down, rounded to 2e-6 s: those near zero miss the even spacing by far more than their own rounding."""
+    frequency = 1.5
+    tau = 50.0 - np.linspace(-1e10, 50.0, 400)
+    rotation = Propagator(np.array([[0.0, -frequency], [frequency, 0.0]]))
+    found = rotation.outputs(
+        np.eye(2), np.tile([[1.0, 0.0]], (len(tau), 1)), np.zeros(len(tau), dtype=np.intp), tau, resolution=float(np.spacing(1e10))
+    )
+    phase = frequency * tau.astype(np.longdouble)
+    exact = np.column_stack([np.cos(phase), np.sin(phase)]).astype(float)
+    assert np.all(np.abs(found - exact) < 8 * np.finfo(float).eps * np.maximum(phase.astype(float), 1.0)[:, None])
