@@ -54,14 +54,14 @@ def state_vibration(
 def vibration_window(result: RunResult, *, periods: float = PERIODS, duration: float | None = None) -> Measured:
     """Length [s] of the window after a run's manoeuvre. Raises InvtrackError for one that is not positive and finite."""
     require_run(result)
+    count = finite_number("periods", periods, error=InvtrackError)
     if duration is None:
-        return window_length(result.manoeuvre, result.vibration_period, periods)
+        return window_length(result.manoeuvre, result.vibration_period, count)
     return Measured(_length(real_number("duration", duration, unit="s", error=InvtrackError)))
 
 
 def window_length(manoeuvre: tuple[float, float], period: float, periods: float = PERIODS) -> Measured:
     """Length [s] of the window: so many periods [s] of the slowest flexible mode (NaN: there is none), or the manoeuvre's."""
-    periods = finite_number("periods", periods, error=InvtrackError)
     length = _length(periods * period if math.isfinite(period) else periods)
     if math.isfinite(period):
         return Measured(length)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -309,3 +310,9 @@ def test_the_summary_holds_all_metrics_by_name(tmp_path: Path) -> None:
         "peak_input_above_rest", "preactuation_time", "postactuation_time", "notes", "status",
     }  # fmt: skip
     assert set(case["notes"]) == {"residual_vibration"}
+
+
+@pytest.mark.parametrize("measure", [metrics, residual_vibration, lambda run, **window: state_vibration(run, ["tip"], **window)])
+def test_a_number_of_periods_is_checked_also_where_a_duration_is_given(measure: Callable[..., object]) -> None:
+    with pytest.raises(InvtrackError, match="periods must be"):
+        measure(two_mode_run(), periods=float("nan"), duration=1.0)
