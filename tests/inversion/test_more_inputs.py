@@ -44,7 +44,7 @@ def wanted(reference: PiecewiseSignal) -> Any:
     return lambda t, order: reference(t, derivative=order).ravel()
 
 
-def sloping(
+def assert_least_input(
     models: list[StateSpace], times: list[float], reference: PiecewiseSignal, window: tuple[float, float], **options: Any
 ) -> None:
     """The plan's inputs are what collocation tends to, with its second order."""
@@ -61,7 +61,7 @@ def sloping(
 
 
 def test_least_input() -> None:
-    sloping([dual_stage()], [], STEP, (-9.0, 10.0))
+    assert_least_input([dual_stage()], [], STEP, (-9.0, 10.0))
 
 
 @pytest.mark.parametrize(
@@ -70,17 +70,17 @@ def test_least_input() -> None:
     ids=["heavier", "heavier and softer", "outputs that are other functions of the state"],
 )
 def test_least_input_through_a_jump(after: StateSpace) -> None:
-    sloping([dual_stage(), after], [0.5], STEP, (-9.5, 10.5))
+    assert_least_input([dual_stage(), after], [0.5], STEP, (-9.5, 10.5))
 
 
 def test_many_jumps_there_and_back() -> None:
     models = [dual_stage(), dual_stage(2.0), dual_stage(2.0, reach=1.2), dual_stage()]
-    sloping(models, [0.4, 1.2, 1.9], THERE_AND_BACK, (-9.0, 11.0))
+    assert_least_input(models, [0.4, 1.2, 1.9], THERE_AND_BACK, (-9.0, 11.0))
 
 
 def test_what_may_rest_anywhere_comes_to_rest_where_it_is_cheapest() -> None:
     velocities = np.array([[0, 1.0, 0, 0], [0, 0, 0, 1.0]])[:1]  # the other follows from the outputs, the places are free
-    sloping([carts(1.0, mass=2.0)], [], STEP, (-14.0, 15.0), end=velocities)
+    assert_least_input([carts(1.0, mass=2.0)], [], STEP, (-14.0, 15.0), end=velocities)
 
 
 def test_a_held_output_takes_the_least_input_at_its_ends() -> None:
@@ -100,7 +100,7 @@ def test_the_cost_is_counted_from_rest() -> None:
     A[1, 0] = -30.0
     plant = StateSpace(A, held.B, held.C)
     N_u = invert(plant, STEP, R=R).inputs([80.0])[0]
-    sloping([plant], [], STEP, (-9.0, 10.0), u_rest=lambda t: N_u * STEP(t).ravel()[0])
+    assert_least_input([plant], [], STEP, (-9.0, 10.0), u_rest=lambda t: N_u * STEP(t).ravel()[0])
 
 
 def test_alike_actuators_that_act_alike_share_the_work() -> None:
