@@ -21,6 +21,7 @@ import scipy.signal
 import tyro
 
 import invtrack
+from invtrack.results.result import Signal
 from invtrack.studies.table import Cell, Column, print_table
 
 TWO_DISC = (
@@ -149,7 +150,7 @@ def closed_loop(folder: Path, steps: int, turns: int) -> None:
 
 
 def recording(folder: Path, steps: int, turns: int) -> None:
-    """Time to write a recording with every sample, against the time of the run itself."""
+    """Time to write a recording, against the time of the run itself, and its size on the disk, against that of the run's arrays."""
     plant = cantilever()
     controller = tracking(plant)
     start = controller.plan.manoeuvre[0] - 1.0
@@ -158,11 +159,23 @@ def recording(folder: Path, steps: int, turns: int) -> None:
         return invtrack.simulate(plant, controller, timestep=1e-3, start=start, end=start + 1e-3 * steps)
 
     result = run()
-    timing = in_turns(lambda: invtrack.save_recording(result, folder / "run.rrd"), run, turns)
-    rows: dict[str, dict[str, Cell]] = {f"{steps} steps": {"write": timing.first, "run": timing.second, "ratio": timing.ratio}}
-    print_table(
-        "Writing a recording against the run", columns=[Column("write", "s"), Column("run", "s"), Column("ratio")], rows=rows
-    )
+    path = folder / "run.rrd"
+    timing = in_turns(lambda: invtrack.save_recording(result, path), run, turns)
+    signals = [value for value in vars(result).values() if isinstance(value, Signal)]
+    rows: dict[str, dict[str, Cell]] = {
+        f"{steps} steps": {
+            "write": timing.first,
+            "run": timing.second,
+            "ratio": timing.ratio,
+            "per_step": 1e6 * timing.first / steps,
+            "arrays": (sum(signal.values.nbytes for signal in signals) + result.time.nbytes + result.qpos.nbytes) / steps,
+            "parquet": path.with_suffix(".parquet").stat().st_size / steps,
+            "rrd": path.stat().st_size / steps,
+        }
+    }
+    columns = [Column("write", "s"), Column("run", "s"), Column("ratio"), Column("write per step", "us", "per_step")]
+    sizes = [Column("arrays", "B/step"), Column(".parquet", "B/step", "parquet"), Column(".rrd", "B/step", "rrd")]
+    print_table("Writing a recording against the run", columns=[*columns, *sizes], rows=rows)
 
 
 def inversion_over_samples(sizes: Sequence[int], turns: int) -> None:

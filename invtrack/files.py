@@ -106,6 +106,8 @@ def replaced_when_complete(path: str | Path) -> Iterator[Path]:
     Raises FileError where that fails; whatever stood at `path` before then still does.
     """
     path = Path(path)
+    if path.is_dir():  # found out before the work rather than after it
+        raise FileError(f"cannot write {path}: a folder has that name; choose another one")
     # Beside its target, because a rename is atomic only within one file system.
     draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
@@ -115,7 +117,7 @@ def replaced_when_complete(path: str | Path) -> Iterator[Path]:
         finally:
             draft.unlink(missing_ok=True)
     except OSError as error:
-        raise FileError(f"cannot write {path}: {error.strerror}; expected a writable folder with enough space") from error
+        raise FileError(f"cannot write {path}: {error.strerror or error}; expected a writable folder with enough space") from error
 
 
 def _content(file: Iterable[str], comments: list[str]) -> Iterator[tuple[int, str]]:

@@ -42,7 +42,7 @@ def build(options: StudyOptions) -> Setup:
     )
 
 
-STUDY = Study("switched_regulator", build, description=__doc__, defaults=StudyOptions(timestep=1e-3, record_every=20))
+STUDY = Study("switched_regulator", build, description=__doc__, defaults=StudyOptions())
 
 if __name__ == "__main__":
     STUDY.main()

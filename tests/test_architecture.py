@@ -33,7 +33,7 @@ ROOMS: dict[str, set[str]] = {
     "plant": {"linear", "mujoco", *THEORY},
     "results": {"plans"},
     "simulation": {"linear", "plans", "control", "plant", "results", "mujoco", *THEORY},
-    "recording": {"results", "mujoco", "rerun"},
+    "recording": {"results", "mujoco", "rerun", "pyarrow"},
     "figures": {"results", "plans", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
     "studies": {"plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
 }

@@ -50,7 +50,7 @@ def test_the_program_of_the_readme_tracks_and_leaves_a_recording(tmp_path: Path,
     exec(compile(program, "README.md", "exec"), names)
     assert max_error(names["result"]) < 1e-5
     (recorded,) = load_recording(tmp_path / "run.rrd").values()
-    assert recorded.equals(names["result"].thinned(10))
+    assert recorded.equals(names["result"])
 
 
 def test_there_are_programs_to_run() -> None:

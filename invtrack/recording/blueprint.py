@@ -12,7 +12,7 @@ from invtrack.arrays import Array
 from invtrack.recording.scene import Scene
 from invtrack.recording.series import TIME, channels_by_unit, entity_path, unit_path
 from invtrack.recording.shapes import visible_geoms
-from invtrack.results.inputs import actuation_time
+from invtrack.recording.thinning import shown_interval
 from invtrack.results.result import RunResult, Signal
 
 VIEWING_DISTANCE = 1.5
@@ -49,20 +49,6 @@ def make_blueprint(runs: Sequence[RunResult], scenes: Sequence[Scene | None], *,
         auto_layout=False,
         auto_views=False,
     )
-
-
-def shown_interval(runs: Sequence[RunResult]) -> tuple[float, float]:
-    """The time [s] that the plots show at first: the manoeuvre, the preactuation and postactuation times of `invtrack.results`, one
-    period of vibration after it."""
-    starts, ends = [], []
-    for run in runs:
-        begin, end = run.manoeuvre
-        starts.append(begin - (actuation_time(run, "before").value or 0.0))
-        ring_down = run.vibration_period if np.isfinite(run.vibration_period) else 0.0
-        ends.append(end + max(ring_down, 0.5 * (end - begin), actuation_time(run, "after").value or 0.0))
-    margin = 0.03 * (max(ends) - min(starts))
-    first, last = min(run.time[0] for run in runs), max(run.time[-1] for run in runs)
-    return float(max(min(starts) - margin, first)), float(min(max(ends) + margin, last))
 
 
 def _scenes(runs: Sequence[RunResult], scenes: Sequence[Scene | None], *, shared: bool) -> list[rrb.Container | rrb.View]:

@@ -17,12 +17,12 @@ def send_numbers(recording: rr.RecordingStream, run: RunResult, *, name: str) ->
 
 
 def numbers_text(run: RunResult, name: str) -> str:
-    """The metrics of the samples that are recorded, in Markdown."""
+    """The metrics of the run, in Markdown."""
     output, force = ("/".join(dict.fromkeys(signal.channels.units)) for signal in (run.output, run.applied))
     units = {"error": output, "residual": output, "peak": force, "vibration": "s", "preactuation": "s", "postactuation": "s"}
     with np.errstate(over="ignore", invalid="ignore"):  # whatever a run holds can be recorded
         found = metrics(run)
-    lines = [f"**{name}**, {run.status}, of the {len(run.time)} samples recorded", "", "| metric | value |", "|---|---|"]
+    lines = [f"**{name}**, {run.status}, {len(run.time)} samples", "", "| metric | value |", "|---|---|"]
     for metric, value in found.items():
         if metric != "notes":
             unit = next(unit for word, unit in units.items() if word in metric)

@@ -1,4 +1,4 @@
-"""Recordings of runs in Rerun's files: written for people to look at, read back bit for bit."""
+"""Recordings of runs: a Rerun file for people to look at, a Parquet file beside it with every sample, read back bit for bit."""
 
 from __future__ import annotations
 
@@ -6,90 +6,108 @@ import hashlib
 import json
 import uuid
 import warnings
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
-from rerun.chunk import Chunk, RrdReader
+from rerun.chunk import RrdReader
 from rerun.error_utils import RerunWarning
 
-from invtrack.arguments import file_path, require_text
-from invtrack.arrays import Array
-from invtrack.channels import Channels
+from invtrack.arguments import file_path, flag, require_text
 from invtrack.errors import RecordingError
 from invtrack.files import replaced_when_complete
 from invtrack.recording.blueprint import make_blueprint
+from invtrack.recording.header import HELD, SAMPLED
 from invtrack.recording.numbers import send_numbers
+from invtrack.recording.samples import FORMAT, read_samples, require_format, samples_path, write_samples
 from invtrack.recording.scene import Scene, make_scene, send_scene
-from invtrack.recording.series import (
-    ARCHETYPE,
-    FORMAT,
-    HELD,
-    SAMPLED,
-    SHARED_ROOT,
-    STEP,
-    channels_by_unit,
-    entity_path,
-    send_series,
-    time_columns,
-    unit_path,
-)
-from invtrack.results.result import Event, RunResult, Signal
+from invtrack.recording.series import send_series
+from invtrack.recording.thinning import thinning
+from invtrack.results.result import RunResult
 
-METADATA, MJB, QPOS, SCALARS = f"{ARCHETYPE}:metadata", f"{ARCHETYPE}:mjb", f"{ARCHETYPE}:qpos", "Scalars:scalars"
+SHARED_ROOT = "case"
+"""What a recording's only case stands under where recordings of several cases share one layout."""
+
+PROPERTY = "invtrack"
+"""Property of a Rerun recording that says which samples belong to it."""
 
 
-def save_recording(results: RunResult | Sequence[RunResult], path: str | Path, *, application: str = "") -> Path:
-    """Write one Rerun recording (.rrd) with one or several cases and return its path.
+def save_recording(
+    results: RunResult | Sequence[RunResult], path: str | Path, *, application: str = "", every_sample: bool = False
+) -> Path:
+    """Write a recording with one or several cases, a Rerun file and a Parquet file, and return the path of the former.
 
-    Every array is kept in float64, so that `load_recording(path)[case].equals(result)` holds bit for bit. Beside them stand what
-    people look at: the 3-D scene of each case that has a MuJoCo model (float32, about 60 frames per second of simulated time), the
-    tracking error, the events, and a layout of views. Open it with `rerun <path>`.
+    NAME.rrd, at `path`, holds what people look at: the 3-D scene of each case that has a MuJoCo model (float32, about 60 frames per
+    second of simulated time), the series and the tracking error, thinned so that no peak is lost, the events, and a layout of
+    views. Open it with `rerun <path>`. NAME.parquet beside it holds every sample in float64, in a row each, and all that the runs
+    hold besides: `load_recording(path)[case].equals(result)` holds bit for bit.
+
+    Thinned: a series shows the first sample of each bucket, and the least and the largest where they lie beyond that and the first
+    of the next bucket. 2000 buckets fill the interval with which the plots open, 20 a period of the slowest vibration. Around
+    events, changes of parameters, gaps and the run's ends 10 samples on either side are all there.
 
     application: name that recordings of one case each share, such as the cases of a study. Opened together, `rerun <folder>/*.rrd`,
-    they then show in one layout, in which every case has the same place. The file appears under its name only once it is
-    complete; missing folders above it are made.
+    they then show in one layout, in which every case has the same place. every_sample: show every sample in the Rerun file, which
+    then takes about six times the space of the Parquet file. Both files appear under their names only once they are complete, the
+    Rerun file last; missing folders above them are made.
 
     Raises RecordingError where there is no case, an application is given for several cases, two cases share a name, the arrays of a
-    case or its model and positions do not fit together, the path does not end in .rrd, or the file cannot be written.
+    case or its model and positions do not fit together, or the path does not end in .rrd; FileError where a file cannot be written.
     """
     runs = list(results) if isinstance(results, Sequence) else [results]
     strange = [type(run).__name__ for run in runs if not isinstance(run, RunResult)]
     if strange:
         raise RecordingError(f"expected results of runs, as invtrack.simulate returns them, got {', '.join(strange)}")
     require_text("application", application, error=RecordingError)
+    flag("every_sample", every_sample, error=RecordingError)
     _check(runs, application)
     target = file_path(path)
     if target.suffix != ".rrd":
         raise RecordingError(f"expected a path that ends in .rrd, by which the Rerun viewer knows recordings; got {target}")
     scenes = [make_scene(run) for run in runs]
-    with replaced_when_complete(target) as draft:
+    identity = str(uuid.uuid4())
+    with replaced_when_complete(target) as shown, replaced_when_complete(samples_path(target)) as samples:
         target.parent.mkdir(parents=True, exist_ok=True)
-        draft.touch()  # Rerun opens the file in the background, so find out here whether it can be written
-        _write(runs, scenes, draft, title=target.stem, application=application)
+        shown.touch()  # Rerun opens the file in the background, so find out here whether it can be written
+        write_samples(runs, samples, recording=identity)
+        _write_shown(runs, scenes, shown, title=target.stem, application=application, every_sample=every_sample, identity=identity)
     return target
 
 
-def _write(runs: list[RunResult], scenes: list[Scene | None], path: Path, *, title: str, application: str) -> None:
-    recording = rr.RecordingStream(f"invtrack {application}" if application else _application_id(runs), recording_id=uuid.uuid4())
-    shown = [replace(run, name=SHARED_ROOT) for run in runs] if application else runs
+def _write_shown(
+    runs: list[RunResult],
+    scenes: list[Scene | None],
+    path: Path,
+    *,
+    title: str,
+    application: str,
+    every_sample: bool,
+    identity: str,
+) -> None:
+    """Write what people look at.
+
+    Args:
+        runs, scenes: the cases.
+        path: of the file.
+        title: name of the recording in the viewer.
+        application, every_sample: as in `save_recording`.
+        identity: what the recording and its samples know each other by.
+    """
+    stream = rr.RecordingStream(f"invtrack {application}" if application else _application_id(runs), recording_id=identity)
+    placed = [replace(run, name=SHARED_ROOT) for run in runs] if application else runs
     try:
-        recording.save(path, default_blueprint=make_blueprint(shown, scenes, shared=bool(application)))
-        recording.send_recording_name(title)
-        for number, (run, placed, scene) in enumerate(zip(runs, shown, scenes, strict=True)):
+        stream.save(path, default_blueprint=make_blueprint(placed, scenes, shared=bool(application)))
+        stream.send_recording_name(title)
+        stream.send_property(PROPERTY, rr.DynamicArchetype(PROPERTY, components={"format": FORMAT, "recording": identity}))
+        for number, (run, at, scene) in enumerate(zip(runs, placed, scenes, strict=True)):
             prefix = f"{run.name}: " if len(runs) > 1 else ""
-            _send_run(recording, placed, number, name=run.name)
-            send_series(recording, placed, number=number, prefix=prefix)
-            send_numbers(recording, placed, name=run.name)
+            send_series(stream, at, thinning(run, every_sample=every_sample), number=number, prefix=prefix)
+            send_numbers(stream, at, name=run.name)
             if scene is not None:
-                send_scene(recording, placed, scene)
+                send_scene(stream, at, scene)
     finally:
-        recording.disconnect()  # writes the footer
+        stream.disconnect()  # writes the footer
     try:
         RrdReader(path).store()
     except (ValueError, RuntimeError) as error:
@@ -104,51 +122,6 @@ def _application_id(runs: list[RunResult]) -> str:
     ]
     digest = hashlib.blake2b(json.dumps(labels).encode(), digest_size=4).hexdigest()
     return f"invtrack {runs[0].model} {digest}"
-
-
-def _send_run(recording: rr.RecordingStream, run: RunResult, number: int, *, name: str) -> None:
-    """Send what is no time series, and the generalized positions; name: of the case, which stands under `run.name`."""
-    components: dict[str, Any] = {"metadata": json.dumps({**metadata(run, number), "name": name, "root": run.name})}
-    if run.mjb:
-        components["mjb"] = np.frombuffer(run.mjb, dtype=np.uint8)
-    recording.log(entity_path(run.name, "run"), rr.DynamicArchetype(ARCHETYPE, components=components), static=True, strict=True)
-    if run.qpos.size:
-        rows, width = run.qpos.shape
-        columns = rr.DynamicArchetype.columns(ARCHETYPE, components={"qpos": np.ascontiguousarray(run.qpos).ravel()})
-        rr.send_columns(
-            entity_path(run.name, "qpos"),
-            time_columns(np.arange(rows), run.time[:rows]),
-            columns.partition(np.full(rows, width)),
-            recording=recording,
-            strict=True,
-        )
-
-
-def metadata(run: RunResult, number: int) -> dict[str, Any]:
-    """Everything of a run but its arrays, for JSON: floats survive it exactly, NaN included."""
-    return {
-        "format": FORMAT,
-        "number": number,
-        "name": run.name,
-        "model": run.model,
-        "manoeuvre": [float(time) for time in run.manoeuvre],
-        "rest_inputs": run.rest_inputs.tolist(),
-        "timestep": float(run.timestep),
-        "evaluate": run.evaluate,
-        "integrator": run.integrator,
-        "vibration_period": float(run.vibration_period),
-        "events": [[float(event.time), event.kind, event.text, event.until] for event in run.events],
-        "remarks": list(run.remarks),
-        "parameter_bodies": dict(run.parameter_bodies),
-        "status": run.status,
-        "message": run.message,
-        "qpos_shape": run.qpos.shape,
-        "samples": run.time.size,
-        "signals": {
-            name: {"rows": signal.values.shape[0], "names": signal.channels.names, "units": signal.channels.units}
-            for name, signal in ((name, getattr(run, name)) for name in SAMPLED + HELD)
-        },
-    }
 
 
 def _check(runs: list[RunResult], application: str) -> None:
@@ -177,93 +150,41 @@ def _check(runs: list[RunResult], application: str) -> None:
 def load_recording(path: str | Path) -> dict[str, RunResult]:
     """Read the runs of a recording that `save_recording` wrote, by case name and in the order in which they were saved.
 
-    Each run equals the saved one bit for bit (`RunResult.equals`).
+    path: of the Rerun file (.rrd), whose samples are read from the Parquet file beside it, or of the Parquet file itself. Each run
+    equals the saved one bit for bit (`RunResult.equals`).
 
-    Raises RecordingError where the file cannot be read, is no Rerun recording, was not written by invtrack, or lacks data.
+    Raises RecordingError where a file cannot be read, is damaged or was not written by invtrack, and where the Parquet file is
+    missing or belongs to another recording.
     """
-    chunks = _chunks(file_path(path))
-    headers = [json.loads(_cell(chunk, METADATA)[0]) for group in chunks.values() for chunk in group if METADATA in _fields(chunk)]
-    if not headers:
-        raise RecordingError(f"{path} is a Rerun recording, but not one that invtrack wrote: no entity has {METADATA}")
-    unknown = {header.get("format") for header in headers} - {FORMAT}
-    if unknown:
+    source = file_path(path)
+    if source.suffix not in (".rrd", ".parquet"):
+        raise RecordingError(f"expected the path of a recording, which ends in .rrd or .parquet, got {source}")
+    if not source.is_file():
+        raise RecordingError(f"there is no recording {source}; expected a file that save_recording wrote")
+    if source.suffix == ".parquet":
+        return read_samples(source)
+    identity, samples = _identity(source), samples_path(source)
+    if not samples.is_file():
         raise RecordingError(
-            f"{path} has format {', '.join(map(str, unknown))}, this version reads {FORMAT}; use the version that wrote it"
+            f"{source} is for the viewer; the samples of its runs stand in {samples.name}, which is not beside it. Keep the two "
+            "files of a recording together, under one name"
         )
-    return {header["name"]: _run(header, chunks, path) for header in sorted(headers, key=lambda header: int(header["number"]))}
+    return read_samples(samples, recording=identity)
 
 
-def _chunks(path: Path) -> dict[str, list[Chunk]]:
-    """All chunks of the first recording in the file, by entity path."""
-    if not path.is_file():
-        raise RecordingError(f"there is no recording {path}; expected an .rrd file that save_recording wrote")
-    chunks: dict[str, list[Chunk]] = defaultdict(list)
+def _identity(path: Path) -> str:
+    """What the Rerun file says that its samples are known by."""
     try:
         with warnings.catch_warnings():  # a recording that was cut off is reported by the error that follows
             warnings.simplefilter("ignore", RerunWarning)
-            reader = RrdReader(path)
-        for chunk in reader.stream():
-            chunks[chunk.entity_path].append(chunk)
+            chunks = RrdReader(path).store().stream().filter(content=f"/__properties/{PROPERTY}").to_chunks()
     except (ValueError, RuntimeError, OSError) as error:
         raise RecordingError(f"cannot read {path} as a Rerun recording: {error}") from error
-    return chunks
-
-
-def _run(header: dict[str, Any], chunks: dict[str, list[Chunk]], source: str | Path) -> RunResult:
-    case = header["root"]
-
-    def rows(path: str, shape: tuple[int, int], field: str = SCALARS) -> Array:
-        return _matrix(chunks.get(path, []), field, shape, f"{path} in {source}")
-
-    def signal(name: str) -> Signal:
-        stored = header["signals"][name]
-        labelled = Channels(stored["names"], stored["units"])
-        result = Signal(np.empty((stored["rows"], len(labelled))), labelled)
-        for unit, channels in channels_by_unit(result).items():
-            result.values[:, channels] = rows(unit_path(case, name, unit), (stored["rows"], len(channels)))
-        return result
-
-    models = [chunk for chunk in chunks[entity_path(case, "run")] if MJB in _fields(chunk)]
-    return RunResult(
-        name=header["name"],
-        model=header["model"],
-        time=rows(entity_path(case, "time"), (header["samples"], 1))[:, 0],
-        **{name: signal(name) for name in SAMPLED + HELD},
-        manoeuvre=(header["manoeuvre"][0], header["manoeuvre"][1]),
-        rest_inputs=np.array(header["rest_inputs"], dtype=float),
-        timestep=header["timestep"],
-        evaluate=header["evaluate"],
-        integrator=header["integrator"],
-        vibration_period=header["vibration_period"],
-        events=tuple(Event(time, kind, text, until) for time, kind, text, until in header["events"]),
-        remarks=tuple(header["remarks"]),
-        parameter_bodies=header["parameter_bodies"],
-        qpos=rows(entity_path(case, "qpos"), tuple(header["qpos_shape"]), QPOS),
-        status=header["status"],
-        message=header["message"],
-        mjb=_cell(models[0], MJB).astype(np.uint8).tobytes() if models else b"",
-    )
-
-
-def _matrix(chunks: list[Chunk], field: str, shape: tuple[int, int], what: str) -> Array:
-    """The rows of an entity in order of their step, whatever chunks they have been split into."""
-    rows, width = shape
-    if rows == 0 or width == 0:
-        return np.zeros(shape)
-    batches = [chunk.to_record_batch() for chunk in chunks if field in _fields(chunk)]
-    blocks = [batch.column(field).flatten().to_numpy(zero_copy_only=False) for batch in batches]
-    if sum(block.size for block in blocks) != rows * width:
-        found = sum(block.size for block in blocks)
-        raise RecordingError(f"expected {rows} x {width} numbers at {what}, found {found}: the recording is damaged or was edited")
-    values = np.concatenate(blocks).astype(np.float64, copy=False).reshape(rows, width)
-    steps = np.concatenate([batch.column(STEP).to_numpy(zero_copy_only=False) for batch in batches])
-    return np.array(values if np.array_equal(steps, np.arange(rows)) else values[np.argsort(steps, kind="stable")])
-
-
-def _cell(chunk: Chunk, field: str) -> NDArray[Any]:
-    """The one value of a static component, as an array of its instances."""
-    return np.asarray(chunk.to_record_batch().column(field).flatten().to_numpy(zero_copy_only=False))
-
-
-def _fields(chunk: Chunk) -> list[str]:
-    return list(chunk.to_record_batch().schema.names)
+    fields = {field: batch.column(field) for batch in (c.to_record_batch() for c in chunks) for field in batch.schema.names}
+    found, identity = (fields.get(f"{PROPERTY}:{name}") for name in ("format", "recording"))
+    if found is None or identity is None:
+        raise RecordingError(
+            f"{path} is a Rerun recording, but not one that this version of invtrack wrote: it has no property {PROPERTY!r}"
+        )
+    require_format(found.flatten()[0].as_py(), path)
+    return str(identity.flatten()[0].as_py())

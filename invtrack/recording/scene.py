@@ -24,9 +24,9 @@ from invtrack.recording.shapes import (
     geom_transform,
     tendon_name,
     tendon_rgba,
-    to_bytes,
     visible_geoms,
 )
+from invtrack.recording.tendons import TendonPath, Wrapping, is_path, send_tendon, tendon_path
 from invtrack.results.result import RunResult
 
 FRAME_RATE = 60.0
@@ -35,8 +35,8 @@ FRAME_RATE = 60.0
 FEWEST_FRAMES = 300
 """Frames of a run that is too short for this many at FRAME_RATE, if it has as many samples."""
 
-PULLEY = -2
-"""What MuJoCo writes into wrap_obj where a tendon's path is interrupted."""
+BLOCK = 1000
+"""Frames of which MuJoCo's whole arrays of tendons' points are kept at a time."""
 
 SMALLEST = 0.3
 """Size at mass zero relative to the size at the run's largest mass: still to be seen."""
@@ -56,14 +56,14 @@ class Scene:
         frames: numbers of the samples that are drawn (F,).
         positions: of the bodies (F, bodies, 3) [m].
         quaternions: of the bodies (F, bodies, 4), x y z w as Rerun wants them.
-        tendons: per spatial tendon that is to be seen its line strips at each frame.
+        tendons: the paths of the spatial tendons that are to be seen, by their number.
     """
 
     model: mujoco.MjModel
     frames: NDArray[np.int64]
     positions: Array
     quaternions: Array
-    tendons: dict[int, list[list[Array]]]
+    tendons: dict[int, TendonPath]
 
 
 def make_scene(result: RunResult) -> Scene | None:
@@ -77,21 +77,36 @@ def make_scene(result: RunResult) -> Scene | None:
     frames = frame_samples(result)
     if not frames.size:
         return None
-    data = mujoco.MjData(model)
-    shown = [tendon for tendon in range(model.ntendon) if tendon_rgba(model, tendon)[3] > 0]
+    shown = [tendon for tendon in range(model.ntendon) if is_path(model, tendon) and tendon_rgba(model, tendon)[3] > 0]
     positions, quaternions = np.empty((frames.size, model.nbody, 3)), np.empty((frames.size, model.nbody, 4))
-    tendons: dict[int, list[list[Array]]] = {tendon: [] for tendon in shown}
-    for frame, sample in enumerate(frames):
-        data.qpos[:] = result.qpos[sample]
+    pieces: dict[int, list[TendonPath]] = {tendon: [] for tendon in shown}
+    for first in range(0, frames.size, BLOCK):
+        block = slice(first, first + BLOCK)
+        wrapping = _play(model, result.qpos[frames[block]], positions[block], quaternions[block], tendons=bool(shown))
+        for tendon in shown:
+            pieces[tendon].append(tendon_path(wrapping, tendon))
+    tendons = {tendon: TendonPath.joined(parts) for tendon, parts in pieces.items()}
+    return Scene(model, frames, positions, quaternions[..., [1, 2, 3, 0]], tendons)
+
+
+def _play(model: mujoco.MjModel, qpos: Array, positions: Array, quaternions: Array, *, tendons: bool) -> Wrapping:
+    """Write the bodies' poses at the positions `qpos` (F, nq) into two arrays; return where the tendons run, if asked for."""
+    data = mujoco.MjData(model)
+    wrapping = Wrapping.empty(len(qpos) if tendons else 0, data)
+    live, here = Wrapping.of(data), data.qpos  # views, which MuJoCo keeps up to date
+    xpos, xquat = data.xpos, data.xquat
+    for frame in range(len(qpos)):
+        here[:] = qpos[frame]
         mujoco.mj_kinematics(model, data)
-        positions[frame], quaternions[frame] = data.xpos, data.xquat[:, [1, 2, 3, 0]]
-        if shown:
+        positions[frame], quaternions[frame] = xpos, xquat
+        if tendons:
             mujoco.mj_comPos(model, data)
             mujoco.mj_tendon(model, data)
-        for tendon in shown:
-            tendons[tendon].append(_strips(data, tendon))
-    spatial = {tendon: strips for tendon, strips in tendons.items() if any(strips)}
-    return Scene(model, frames, positions, quaternions, spatial)
+            wrapping.firsts[frame], wrapping.counts[frame] = live.firsts, live.counts
+            wrapping.objects[frame] = live.objects
+            with np.errstate(over="ignore"):  # of a run that diverges
+                wrapping.points[frame] = live.points
+    return wrapping
 
 
 def frame_samples(result: RunResult) -> NDArray[np.int64]:
@@ -121,8 +136,9 @@ def send_scene(recording: rr.RecordingStream, result: RunResult, scene: Scene) -
             else:
                 recording.log(geom_path, colored_shape(model, geom), geom_transform(model, geom), static=True, strict=True)
     _send_labels(recording, result, model, root)
-    for tendon, strips in scene.tendons.items():
-        _send_tendon(recording, entity_path(*root, "tendons", tendon_name(model, tendon)), indexes, scene, tendon, strips)
+    for tendon in scene.tendons:
+        at = entity_path(*root, "tendons", tendon_name(model, tendon))
+        send_tendon(recording, at, indexes, model, tendon, scene.tendons[tendon])
 
 
 def _send_pose(recording: rr.RecordingStream, path: str, indexes: list[rr.TimeColumn], scene: Scene, body: int) -> None:
@@ -132,28 +148,6 @@ def _send_pose(recording: rr.RecordingStream, path: str, indexes: list[rr.TimeCo
         return
     columns = rr.Transform3D.columns(translation=scene.positions[:, body], quaternion=scene.quaternions[:, body])
     rr.send_columns(path, indexes, columns, recording=recording, strict=True)
-
-
-def _send_tendon(
-    recording: rr.RecordingStream, path: str, indexes: list[rr.TimeColumn], scene: Scene, tendon: int, frames: list[list[Array]]
-) -> None:
-    style = rr.LineStrips3D.from_fields(
-        colors=to_bytes(tendon_rgba(scene.model, tendon)[np.newaxis]), radii=[float(scene.model.tendon_width[tendon])]
-    )
-    recording.log(path, style, static=True, strict=True)
-    columns = rr.LineStrips3D.columns(strips=[strip for strips in frames for strip in strips])
-    lengths = np.array([len(strips) for strips in frames])
-    rr.send_columns(path, indexes, columns.partition(lengths), recording=recording, strict=True)
-
-
-def _strips(data: mujoco.MjData, tendon: int) -> list[Array]:
-    """The path of a spatial tendon, cut at its pulleys."""
-    path = slice(data.ten_wrapadr[tendon], data.ten_wrapadr[tendon] + data.ten_wrapnum[tendon])
-    points, objects = data.wrap_xpos.reshape(-1, 3)[path].copy(), data.wrap_obj.reshape(-1)[path]
-    pulleys = np.flatnonzero(objects == PULLEY)
-    starts, ends = [0, *(pulleys + 1)], [*pulleys, len(points)]  # a pulley's own row is no point
-    pieces = [points[start:end] for start, end in zip(starts, ends, strict=True)]
-    return [piece for piece in pieces if len(piece) > 1]
 
 
 def _load(result: RunResult) -> mujoco.MjModel:

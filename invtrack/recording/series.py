@@ -1,33 +1,20 @@
-"""The time series of a run: every signal in float64, the tracking error, and the events."""
+"""The time series of a run as a viewer shows them: every signal, the tracking error, and the events."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
 from invtrack.arrays import Array
+from invtrack.recording.header import HELD, SAMPLED
+from invtrack.recording.thinning import Thinning
 from invtrack.results.result import RunResult, Signal
 
-FORMAT = 3
-"""Number of this layout, written into every recording; a reader refuses numbers that it does not know."""
-
-ARCHETYPE = "invtrack"
-"""Rerun archetype under which the fields stand that no Rerun archetype has: metadata, mjb, qpos."""
-
-SHARED_ROOT = "case"
-"""What a recording's only case stands under where recordings of several cases share one layout."""
-
 STEP, TIME = "step", "time"
-
-SAMPLED = ("state", "state_reference", "output", "reference", "planned_output")
-"""Signals at the N + 1 times."""
-
-HELD = ("commanded", "applied", "parameters", "measured", "estimate")
-"""Signals that hold over the N steps; the last two only of controllers with sensors."""
 
 Color = tuple[int, int, int]
 
@@ -51,6 +38,7 @@ LABELS = {
     "measured": "{} measured",
     "estimate": "{} estimate",
     "error": "{} error",
+    "log10_error": "log10 |{} error|",
 }
 
 
@@ -93,54 +81,61 @@ def step_at(result: RunResult, times: Array) -> NDArray[np.int64]:
     return np.searchsorted((result.time[1:] + result.time[:-1]) / 2, times)
 
 
-def send_series(recording: rr.RecordingStream, result: RunResult, *, number: int, prefix: str = "") -> None:
+def send_series(recording: rr.RecordingStream, result: RunResult, thinning: Thinning, *, number: int, prefix: str = "") -> None:
     """Send all time series of one case.
 
-    number: which case of the recording it is; it chooses the colour. prefix: what the names of the series begin with, where the
-    recording has several cases.
+    thinning: what of them is shown. number: which case of the recording it is; it chooses the colour. prefix: what the names of the
+    series begin with, where the recording has several cases.
     """
-    samples = np.arange(result.time.size)
-    send_rows(recording, entity_path(result.name, "time"), time_columns(samples, result.time), result.time[:, np.newaxis])
-    _label(recording, entity_path(result.name, "time"), [f"{prefix}time [s]"], [PALETTE[number % len(PALETTE)]])
     for name in SAMPLED:
-        _send_signal(recording, result, name, getattr(result, name), result.time, number, prefix)
+        _send_signal(recording, result, thinning, name, getattr(result, name), result.time, number, prefix)
     middle = result.time[:-1] + np.diff(result.time) / 2
     for name in HELD:
-        signal = getattr(result, name)
         at_middle = result.evaluate == "stages" and name != "parameters"  # then the sample is the value at mid-step
-        _send_signal(recording, result, name, signal, middle if at_middle else result.time[:-1], number, prefix)
-    _send_error(recording, result, number, prefix)
-    send_events(recording, result, prefix=prefix)
+        _send_signal(
+            recording, result, thinning, name, getattr(result, name), middle if at_middle else result.time[:-1], number, prefix
+        )
+    errors = {
+        "error": Signal(tracking_error(result), result.output.channels),
+        "log10_error": Signal(log10_error(result), result.output.channels),
+    }
+    for name, error in errors.items():
+        _send_signal(recording, result, thinning, name, error, result.time, number, prefix)
+    send_events(recording, result, errors, prefix=prefix)
 
 
 def _send_signal(
-    recording: rr.RecordingStream, result: RunResult, name: str, signal: Signal, times: Array, number: int, prefix: str
+    recording: rr.RecordingStream,
+    result: RunResult,
+    thinning: Thinning,
+    name: str,
+    signal: Signal,
+    times: Array,
+    number: int,
+    prefix: str,
 ) -> None:
-    rows = signal.values.shape[0]
-    if rows == 0:
+    """Send the channels of a signal, those of one unit together.
+
+    Args:
+        recording: to which they are sent.
+        result: the run, placed where it stands in the recording.
+        thinning: what of them is shown.
+        name: of the signal.
+        signal: the signal.
+        times: at which its rows stand [s].
+        number, prefix: as in `send_series`.
+    """
+    if len(signal.values) == 0:
         return
-    indexes = time_columns(np.arange(rows), times[:rows])
     holds = name in HELD and (result.evaluate != "stages" or name == "parameters")
     for unit, channels in channels_by_unit(signal).items():
         path = unit_path(result.name, name, unit)
-        send_rows(recording, path, indexes, signal.values[:, channels])
-        labels = [f"{prefix}{LABELS[name].format(signal.channels.names[channel])} [{unit}]" for channel in channels]
+        values = signal.values[:, channels]
+        rows = thinning.rows(values)
+        send_rows(recording, path, time_columns(rows, times[rows]), values[rows])
+        unit_label = f"log10 {unit}" if name == "log10_error" else unit
+        labels = [f"{prefix}{LABELS[name].format(signal.channels.names[channel])} [{unit_label}]" for channel in channels]
         _label(recording, path, labels, _colors(name, number, len(channels)), width=_width(name), holds=holds)
-
-
-def _send_error(recording: rr.RecordingStream, result: RunResult, number: int, prefix: str) -> None:
-    """Send y - y_d and log10 |y - y_d|, the latter not below the rounding error of the output."""
-    error, output = tracking_error(result), result.output
-    indexes = time_columns(np.arange(error.shape[0]), result.time[: error.shape[0]])
-    for unit, channels in channels_by_unit(output).items():
-        names = [output.channels.names[channel] for channel in channels]
-        colors = _colors("error", number, len(channels))
-        path = unit_path(result.name, "error", unit)
-        send_rows(recording, path, indexes, error[:, channels])
-        _label(recording, path, [f"{prefix}{name} error [{unit}]" for name in names], colors)
-        path = unit_path(result.name, "log10_error", unit)
-        send_rows(recording, path, indexes, log10_error(result)[:, channels])
-        _label(recording, path, [f"{prefix}log10 |{name} error| [log10 {unit}]" for name in names], colors)
 
 
 def tracking_error(result: RunResult) -> Array:
@@ -157,8 +152,8 @@ def log10_error(result: RunResult) -> Array:
     return np.log10(np.maximum(np.abs(tracking_error(result)), np.maximum(floor, np.finfo(float).tiny)))
 
 
-def send_events(recording: rr.RecordingStream, result: RunResult, *, prefix: str = "") -> None:
-    """Send the events as a text log, and, with their ends, as vertical lines for the plots of output, error and input."""
+def send_events(recording: rr.RecordingStream, result: RunResult, errors: Mapping[str, Signal], *, prefix: str = "") -> None:
+    """Send the events as a text log, and, with their ends, as vertical lines for the plots of output, `errors` and input."""
     if not result.events:
         return
     times = np.array([event.time for event in result.events])
@@ -175,11 +170,9 @@ def send_events(recording: rr.RecordingStream, result: RunResult, *, prefix: str
     )
     ends = [event.until for event in result.events if event.until is not None and event.until < result.time[-1]]
     marks = np.sort(np.concatenate([times, ends]))
-    log_error = Signal(log10_error(result), result.output.channels)
     for name, signals in (
         ("output", (result.output, result.reference)),
-        ("error", (Signal(tracking_error(result), result.output.channels),)),
-        ("log10_error", (log_error,)),
+        *((name, (error,)) for name, error in errors.items()),
         ("applied", (result.applied, result.commanded)),
     ):
         for unit in channels_by_unit(signals[0]):

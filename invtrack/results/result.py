@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
 from invtrack.arguments import instance
-from invtrack.arrays import Array, shown
+from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
 
@@ -129,33 +129,6 @@ class RunResult:
     def error(self) -> Array:
         """Tracking error y - y_d at the N + 1 times, (N + 1, p)."""
         return self.output.values - self.reference.values
-
-    def thinned(self, every: int) -> RunResult:
-        """The run with every `every`-th sample, for recordings that a viewer opens at once.
-
-        Kept besides: the samples at which a parameter changes or an event happens, with the ones before them, and the last one. An
-        input is then the one of the first of the steps that a sample stands for, so a thinned run cannot be replayed.
-
-        Raises InvtrackError unless `every` is at least 1.
-        """
-        if isinstance(every, bool) or not isinstance(every, (int, np.integer)) or every < 1:
-            raise InvtrackError(f"expected to keep every 1st, 2nd, ... sample, got every {shown(every)}")
-        changes = np.flatnonzero(np.any(np.diff(self.parameters.values, axis=0) != 0, axis=1)) + 1
-        events = np.searchsorted(self.time, [event.time for event in self.events])
-        marked = np.concatenate([changes, events, [len(self.time) - 1]])
-        regular = np.arange(0, len(self.time), min(every, len(self.time)))
-        kept = np.unique(np.concatenate([regular, marked, np.maximum(marked - 1, 0)]))
-        steps = kept[:-1]
-
-        def part(signal: Signal) -> Signal:
-            if len(signal.values) == 0:
-                return signal
-            rows = kept if len(signal.values) == len(self.time) else steps
-            return Signal(signal.values[rows], signal.channels)
-
-        fields: dict[str, Any] = {name: part(value) for name, value in vars(self).items() if isinstance(value, Signal)}
-        qpos = self.qpos[kept] if len(self.qpos) else self.qpos
-        return replace(self, time=self.time[kept], qpos=qpos, **fields)
 
     def equals(self, other: RunResult) -> bool:
         """Bit-for-bit equality of everything the run holds."""

@@ -64,9 +64,6 @@ class StudyOptions:
     figures: _Figures = True
     """Whether to draw figures."""
 
-    record_every: int = 10
-    """The recordings keep every so many samples; 1 keeps all (metrics and figures always use all)."""
-
     def __post_init__(self) -> None:
         if not 0 < real_number("--timestep", self.timestep, unit="s", error=SimulationError) < math.inf:
             raise SimulationError(f"--timestep: expected a positive, finite number of seconds such as 1e-3, got {self.timestep}")
@@ -76,7 +73,6 @@ class StudyOptions:
         for name in ("json", "quiet", "figures"):
             flag(f"--{name}", getattr(self, name), error=SimulationError)
         whole_number("--seed", self.seed, error=SimulationError)
-        whole_number("--record-every", self.record_every, lowest=1, error=SimulationError)
 
     def that_matter(self) -> dict[str, Any]:
         """The options that change a study's numbers, those of a derived class among them, by name."""

@@ -33,6 +33,7 @@ from invtrack.errors import InvtrackError
 from invtrack.figures.style import save_figure
 from invtrack.plant.plant import Plant
 from invtrack.recording import save_recording
+from invtrack.recording.samples import samples_path
 from invtrack.results import metrics
 from invtrack.results.result import RunResult
 from invtrack.simulation.linear_plant import LinearPlant
@@ -64,7 +65,7 @@ class Case:
             here.
         numbers: function that makes what the summary says of the run, beside its status.
         figures: functions that draw the run, by key; saved as <key>_<name>.png.
-        recorded: whether its recording <name>.rrd is kept.
+        recorded: whether its recording is kept, <name>.rrd and <name>.parquet.
         refused_by: the error by which the controller's planning must be refused, where this is what the case shows.
     """
 
@@ -241,8 +242,9 @@ class _Run:
             raise InvtrackError(f"case {case.name!r} was to be refused with a {case.refused_by.__name__}, but it was planned")
         result = self.session.tried(case.plant, controller, name=case.name, **case.settings)
         if case.recorded:
-            kept = result.thinned(self.options.record_every)
-            save_recording(kept, self.folder.file(f"{case.name}.rrd"), application=self.name)
+            recording = self.folder.file(f"{case.name}.rrd")
+            self.folder.file(samples_path(recording).name)
+            save_recording(result, recording, application=self.name)
         if result.status == "diverged":
             self.session.diverged[case.name] = result.message
             return {"status": "diverged", "reason": result.message}

@@ -397,7 +397,6 @@ def _calls() -> dict[str, Call]:
         "peak_commanded_input": call(results.peak_commanded_input, result=run),
         "metrics": call(invtrack.metrics, result=vibrating, periods=1.0, duration=1.0),
         "run_cost": call(results.run_cost, result=run, R=1.0, Q_x=0.1, Q_y=10.0, u_0=0.0, x_0=0.0, wanted=run.reference.values),
-        "RunResult.thinned": call(run.thinned, every=3),
         # recording
         "save_recording": call(invtrack.save_recording, results=vibrating, path="saved.rrd", application="trial"),
         "load_recording": call(invtrack.load_recording, path="run.rrd"),
@@ -487,9 +486,7 @@ def _calls() -> dict[str, Call]:
             plant=invtrack.Plant.from_xml(invtrack.model_path("two_disc"), inputs=["motor"], outputs=["disc2_angle"]),
         ),
         # studies
-        "StudyOptions": call(
-            studies.StudyOptions, out=None, timestep=1e-3, case=(), seed=0, json=False, quiet=True, figures=False, record_every=10
-        ),
+        "StudyOptions": call(studies.StudyOptions, out=None, timestep=1e-3, case=(), seed=0, json=False, quiet=True, figures=False),
         "Column": call(studies.Column, name="max error", unit="m", key="max_error"),
         "print_table": call(
             studies.print_table,

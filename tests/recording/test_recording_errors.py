@@ -4,12 +4,13 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import rerun as rr
-from rerun.chunk import RrdReader
 
 from invtrack.errors import FileError, RecordingError
-from invtrack.recording import load_recording, recording_file, save_recording
+from invtrack.recording import load_recording, recording_file, samples, save_recording
 from invtrack.results.result import RunResult
 
 
@@ -53,22 +54,52 @@ def test_places_that_cannot_be_written(run: RunResult, tmp_path: Path) -> None:
     assert sorted(file.name for file in tmp_path.iterdir()) == ["file", "folder.rrd"]
 
 
-def test_a_failure_midway_leaves_the_earlier_recording(run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("half", ["send_series", "write_samples"])
+def test_a_failure_midway_leaves_the_earlier_recording(
+    run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, half: str
+) -> None:
     path = save_recording(run, tmp_path / "run.rrd")
 
     def fail(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(recording_file, "send_series", fail)
+    monkeypatch.setattr(recording_file, half, fail)
     with pytest.raises(KeyboardInterrupt):
         save_recording(dataclasses.replace(run, name="later"), path)
     assert list(load_recording(path)) == ["inversion"]
-    assert [file.name for file in tmp_path.iterdir()] == ["run.rrd"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["run.parquet", "run.rrd"]
+
+
+def test_a_failure_of_the_disk_is_reported_and_leaves_the_earlier_recording(
+    run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = save_recording(run, tmp_path / "run.rrd")
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError("no space left")
+
+    monkeypatch.setattr(pq.ParquetWriter, "write_table", fail)
+    with pytest.raises(
+        FileError, match=r"cannot write .*run\.parquet: no space left; expected a writable folder with enough space"
+    ):
+        save_recording(dataclasses.replace(run, name="later"), path)
+    assert load_recording(path)["inversion"].equals(run)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["run.parquet", "run.rrd"]
+
+
+@pytest.mark.parametrize("name", ["run.rrd", "run.parquet"])
+def test_a_folder_in_the_way_of_either_file_is_found_before_anything_is_written(run: RunResult, tmp_path: Path, name: str) -> None:
+    (tmp_path / name).mkdir()
+    with pytest.raises(FileError, match=rf"cannot write .*{name}: a folder has that name"):
+        save_recording(run, tmp_path / "run.rrd")
+    assert [entry.name for entry in tmp_path.iterdir()] == [name]
 
 
 def test_files_that_are_no_recordings(run: RunResult, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"no recording .*missing"):
         load_recording(tmp_path / "missing.rrd")
+    with pytest.raises(RecordingError, match=r"ends in \.rrd or \.parquet, got .*run\.csv"):
+        load_recording(tmp_path / "run.csv")
     (tmp_path / "text.rrd").write_text("not a recording at all")
     with pytest.raises(RecordingError, match=r"cannot read .*text"):
         load_recording(tmp_path / "text.rrd")
@@ -83,16 +114,21 @@ def test_recordings_of_other_programs(tmp_path: Path) -> None:
     recording.save(tmp_path / "other.rrd")
     recording.log("points", rr.Points3D([[0.0, 0.0, 0.0]]))
     recording.disconnect()
-    with pytest.raises(RecordingError, match="not one that invtrack wrote"):
+    with pytest.raises(RecordingError, match="not one that this version of invtrack wrote"):
         load_recording(tmp_path / "other.rrd")
+    pq.write_table(pa.table({"time [s]": [0.0, 1.0]}), tmp_path / "other.parquet")
+    with pytest.raises(RecordingError, match="a Parquet file, but not one that save_recording wrote"):
+        load_recording(tmp_path / "other.parquet")
 
 
 def test_a_later_format_is_refused(run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as later:
         later.setattr(recording_file, "FORMAT", 99)
+        later.setattr(samples, "FORMAT", 99)
         path = save_recording(run, tmp_path / "run.rrd")
-    with pytest.raises(RecordingError, match="format 99, this version reads 3"):
-        load_recording(path)
+    for file in (path, path.with_suffix(".parquet")):
+        with pytest.raises(RecordingError, match=rf"{file.name} has format 99, this version reads 4"):
+            load_recording(file)
 
 
 def test_several_cases_do_not_share_the_place_of_one(run: RunResult, tmp_path: Path) -> None:
@@ -100,9 +136,54 @@ def test_several_cases_do_not_share_the_place_of_one(run: RunResult, tmp_path: P
         save_recording([run, dataclasses.replace(run, name="other")], tmp_path / "run.rrd", application="study")
 
 
-def test_missing_data_are_reported(run: RunResult, tmp_path: Path) -> None:
+def test_missing_samples_are_refused(run: RunResult, tmp_path: Path) -> None:
     path = save_recording(run, tmp_path / "run.rrd")
-    stream = RrdReader(path).stream().drop(content="/inversion/applied/**")
-    stream.write_rrd(tmp_path / "less.rrd", application_id="less", recording_id="less")
-    with pytest.raises(RecordingError, match="expected 300 x 1 numbers at /inversion/applied"):
-        load_recording(tmp_path / "less.rrd")
+    path.with_suffix(".parquet").rename(tmp_path / "elsewhere.parquet")
+    with pytest.raises(RecordingError, match=r"its runs stand in run\.parquet, which is not beside it"):
+        load_recording(path)
+    assert load_recording(tmp_path / "elsewhere.parquet")["inversion"].equals(run)
+
+
+def test_samples_of_another_recording_of_the_same_run_are_refused(run: RunResult, tmp_path: Path) -> None:
+    path, other = save_recording(run, tmp_path / "run.rrd"), save_recording(run, tmp_path / "other.rrd")
+    other.with_suffix(".parquet").replace(path.with_suffix(".parquet"))
+    with pytest.raises(RecordingError, match=r"run\.parquet holds the samples of another recording than run\.rrd beside it"):
+        load_recording(path)
+
+
+def test_damage_anywhere_in_the_samples_is_found(run: RunResult, tmp_path: Path) -> None:
+    path = save_recording(run, tmp_path / "run.rrd")
+    file = path.with_suffix(".parquet")
+    whole = file.read_bytes()
+    file.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(RecordingError, match=r"cannot read the samples in .*run\.parquet.*damaged or was cut off"):
+        load_recording(path)
+    unnoticed = []
+    for place in np.random.default_rng(0).integers(0, len(whole), 100):
+        file.write_bytes(whole[:place] + bytes([whole[place] ^ 16]) + whole[place + 1 :])
+        try:
+            loaded = load_recording(path)
+        except RecordingError:
+            continue
+        if not loaded["inversion"].equals(run):
+            unnoticed.append(int(place))
+    assert unnoticed == []
+
+
+def rewritten(path: Path, table: pa.Table) -> Path:
+    """The file at `path` with other rows or columns, under the metadata that it had."""
+    metadata = pq.read_metadata(path).metadata
+    pq.write_table(table.replace_schema_metadata({key: metadata[key] for key in metadata if key.startswith(b"invtrack")}), path)
+    return path
+
+
+def test_edited_samples_are_refused(run: RunResult, tmp_path: Path) -> None:
+    path = save_recording(run, tmp_path / "run.rrd").with_suffix(".parquet")
+    table = pq.read_table(path)
+    with pytest.raises(RecordingError, match=r"column 'applied base_force \[N\]' of case 'inversion' .*lacks values"):
+        load_recording(rewritten(path, table.drop_columns(["applied base_force [N]"])))
+    with pytest.raises(RecordingError, match=r"expected 301 samples of case 'inversion' .*, found 300"):
+        load_recording(rewritten(path, table.slice(0, 300)))
+    with pytest.raises(RecordingError, match=r"expected 301 samples of case 'inversion' .*, found 0 .*'other'"):
+        load_recording(rewritten(path, table.set_column(0, "case", pa.array(["other"] * 301))))
+    assert load_recording(rewritten(path, table))["inversion"].equals(run)

@@ -4,6 +4,8 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -11,9 +13,10 @@ from hypothesis.extra.numpy import arrays
 from rerun.chunk import OptimizationProfile, RrdReader
 
 from invtrack.channels import Channels
-from invtrack.recording import load_recording, save_recording
+from invtrack.recording import load_recording, samples, save_recording
 from invtrack.results.result import RunResult, Signal
 from tests.recording.conftest import Recorded, mechanism_run
+from tests.synthetic_runs import two_mode_run
 
 
 def test_a_run_comes_back_bit_for_bit(run: RunResult, tmp_path: Path) -> None:
@@ -23,7 +26,9 @@ def test_a_run_comes_back_bit_for_bit(run: RunResult, tmp_path: Path) -> None:
     assert loaded.events == tuple(run.events)
     assert loaded.state.values.dtype == np.float64
     assert loaded.mjb == run.mjb
-    assert [file.name for file in path.parent.iterdir()] == ["run.rrd"]
+    assert sorted(file.name for file in path.parent.iterdir()) == ["run.parquet", "run.rrd"]
+    (loaded,) = load_recording(path.with_suffix(".parquet")).values()
+    assert loaded.equals(run)
 
 
 @settings(max_examples=15, deadline=None)
@@ -92,6 +97,7 @@ def test_a_rearranged_file_holds_the_same_run(run: RunResult, tmp_path: Path, pr
     path = save_recording(run, tmp_path / "run.rrd")
     rearranged = tmp_path / "rearranged.rrd"
     RrdReader(path).stream().collect(optimize=profile).write_rrd(rearranged, application_id="other", recording_id="other")
+    path.with_suffix(".parquet").rename(rearranged.with_suffix(".parquet"))
     assert load_recording(rearranged)["inversion"].equals(run)
 
 
@@ -171,5 +177,48 @@ def test_cases_of_one_application_share_a_layout_in_which_each_has_the_same_plac
         layout = Recorded(path, blueprint=True)
         queries.append({q for view in layout.having("ViewContents:query") for q in layout.column(view, "ViewContents:query")[0]})
         assert {"/case/output/\\[m\\]", "/case/planned_output/\\[m\\]"} <= queries[-1]
-        assert {"/case/output/\\[m\\]", "/case/time"} <= set(Recorded(path).batches)
+        assert {"/case/output/\\[m\\]", "/case/error/\\[m\\]"} <= set(Recorded(path).batches)
     assert queries[0] == queries[2]  # the last one opened decides, so that it must do for all
+
+
+def test_cases_of_different_lengths_and_channels_share_one_file_of_several_row_groups(
+    run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(samples, "GROUP", 100)  # the last group of a case is full, begun, or one sample
+    observed = dataclasses.replace(run, name="observed", measured=run.applied, estimate=run.commanded)
+    cases = [observed, *(mechanism_run(f"{steps} steps", steps=steps) for steps in (99, 100, 42)), two_mode_run()]
+    path = save_recording(cases, tmp_path / "cases.rrd")
+    loaded = load_recording(path)
+    assert [loaded[case.name].equals(case) for case in cases] == [True] * 5
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["cases.parquet", "cases.rrd"]
+
+
+def test_other_programs_read_the_table(run: RunResult, tmp_path: Path) -> None:
+    path = save_recording([run, mechanism_run("other", steps=20)], tmp_path / "run.rrd").with_suffix(".parquet")
+    table = pq.read_table(path)
+    ours = table.filter(pc.equal(table["case"], "inversion"))
+    assert table.column_names[:3] == ["case", "time [s]", "state slide [m]"]
+    assert np.array_equal(ours["time [s]"].to_numpy(), run.time)
+    assert np.array_equal(ours["output tip_position [m]"].to_numpy(), run.output["tip_position"])
+    assert np.array_equal(ours["qpos 1"].to_numpy(), run.qpos[:, 1])
+    held = ours["applied base_force [N]"]
+    assert held.null_count == 1  # after the last step
+    assert np.array_equal(held.drop_null().to_numpy(), run.applied["base_force"])
+    assert ours["state_reference hinge [rad]"].null_count == 0  # a NaN is a value
+    assert {run.name, "other"} == set(table["case"].to_pylist())
+
+
+def test_channels_whose_labels_agree_are_kept_apart(run: RunResult, tmp_path: Path) -> None:
+    alike = Channels(("a [m]", "a", "a [m] [m]"), ("m] [m", "m] [m] [m", ""))
+    values = np.arange(3.0 * len(run.time)).reshape(-1, 3)
+    case = dataclasses.replace(run, output=Signal(values, alike), reference=Signal(-values, alike))
+    assert load_recording(save_recording(case, tmp_path / "run.rrd"))["inversion"].equals(case)
+
+
+def test_the_bits_of_a_nan_and_the_sign_of_zero_survive(run: RunResult, tmp_path: Path) -> None:
+    odd = np.array([0x7FF8000000000123, 0xFFF8000000000001, 0x7FF0000000000000, 0x8000000000000000, 1], dtype=np.uint64)
+    values = run.output.values.copy()
+    values[:5, 0] = odd.view(np.float64)
+    case = dataclasses.replace(run, output=Signal(values, run.output.channels))
+    loaded = load_recording(save_recording(case, tmp_path / "run.rrd"))["inversion"].output.values
+    assert np.array_equal(loaded.view(np.uint64), values.view(np.uint64))

@@ -21,7 +21,7 @@ def gallery(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def test_mechanisms_of_a_package_come_to_a_recording_or_a_right_refusal(tmp_path: Path) -> None:
     says = "standing_hopper was refused: "
-    summary = summary_of("gallery", tmp_path, "--package", "gymnasium", "--record-every=100", timestep=4e-3, says=says)
+    summary = summary_of("gallery", tmp_path, "--package", "gymnasium", timestep=4e-3, says=says)
     cases = summary["cases"]
     refused = {name: case["reason"] for name, case in cases.items() if case["status"] == "refused"}
     assert sorted(refused) == ["pusher", "standing_hopper"]

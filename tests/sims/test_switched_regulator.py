@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def summary(folder: Path) -> dict[str, Any]:
     says = "x_e1: at t = 6.28319 s derivative 0 of output 'tip_position' jumps by 6.28"
-    return summary_of("switched_regulator", folder, "--record-every", "20", timestep=0.02, says=says)
+    return summary_of("switched_regulator", folder, timestep=0.02, says=says)
 
 
 def test_the_exact_map_alone_keeps_its_output(summary: dict[str, Any]) -> None:

@@ -33,7 +33,7 @@ def test_defaults_and_flags() -> None:
 @pytest.mark.parametrize(
     ("option", "value"),
     [("timestep", value) for value in (0.0, -1e-3, float("nan"), float("inf"))]
-    + [("seed", -1), ("record_every", 0), ("json", float("nan")), ("quiet", 1), ("figures", "no")],
+    + [("seed", -1), ("json", float("nan")), ("quiet", 1), ("figures", "no")],
 )
 def test_useless_values_are_refused_by_name(option: str, value: Any) -> None:
     with pytest.raises(SimulationError, match=rf"--{option.replace('_', '-')}\W.*, got {value!r}"):
@@ -66,7 +66,7 @@ def test_help_explains_every_option(capsys: pytest.CaptureFixture[str]) -> None:
     text = " ".join(capsys.readouterr().out.replace("│", " ").split())
     for expected in ("usage: tiny", "What it claims.", "--out DIR", "runs/tiny", "--timestep", "[s]", "--case NAME", "--seed"):
         assert expected in text
-    for expected in ("--json", "--quiet", "--no-figures", "--record-every"):
+    for expected in ("--json", "--quiet", "--no-figures"):
         assert expected in text
 
 

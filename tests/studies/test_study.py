@@ -60,7 +60,7 @@ def test_a_complete_study_leaves_all_its_parts_and_ends_with_0(elsewhere: Path, 
     assert left["largest"] == max(numbers["max_error"] for numbers in left["cases"].values()) > 0
     assert left["gains"] == [{"gain": 1}, {"gain": 2}, {"gain": 3}]
     assert {entry.name for entry in folder.iterdir()} == {"summary.json", *left["files"]}
-    assert left["files"] == ["first.rrd", "second.rrd", "comparison.png"]
+    assert left["files"] == ["first.rrd", "first.parquet", "second.rrd", "second.parquet", "comparison.png"]
     out = capsys.readouterr().out
     assert out.startswith("before\nOscillator\n")
     assert "\n3 gains\n" in out
@@ -91,7 +91,7 @@ def test_a_diverged_case_says_so_and_shows_no_numbers(elsewhere: Path, capsys: p
     assert left["cases"]["first"]["status"] == "completed"
     assert left["rest"] == 1
     assert "ratio" not in left
-    assert left["files"] == ["diverging.rrd", "first.rrd"]
+    assert left["files"] == ["diverging.rrd", "diverging.parquet", "first.rrd", "first.parquet"]
     printed = capsys.readouterr()
     (row,) = (line for line in printed.out.splitlines() if line.startswith("diverging"))
     assert row.split() == ["diverging", "(diverged)", "-", "-"]
@@ -124,7 +124,7 @@ def test_an_interruption_keeps_the_cases_done(elsewhere: Path, capsys: pytest.Ca
     assert left["status"] == "interrupted"
     assert list(left["cases"]) == ["first"]
     assert left["cases"]["first"]["max_error"] > 0
-    assert {entry.name for entry in (elsewhere / "runs/tiny").iterdir()} == {"summary.json", "first.rrd"}
+    assert {entry.name for entry in (elsewhere / "runs/tiny").iterdir()} == {"summary.json", "first.rrd", "first.parquet"}
     printed = capsys.readouterr()
     assert "first" in printed.out
     assert printed.err == "tiny: interrupted\n"
@@ -220,9 +220,9 @@ def test_quiet_prints_nothing(elsewhere: Path, capsys: pytest.CaptureFixture[str
 def test_no_figures_draws_none(elsewhere: Path) -> None:
     drawn = {"curve": lambda run: comparison_figure([run])}
     assert ended(study(cases=[case("first", figures=drawn)]), "--no-figures") == 0
-    assert summary(elsewhere / "runs/tiny")["files"] == ["first.rrd"]
+    assert summary(elsewhere / "runs/tiny")["files"] == ["first.rrd", "first.parquet"]
     assert ended(study(cases=[case("first", figures=drawn)])) == 0
-    assert summary(elsewhere / "runs/tiny")["files"] == ["first.rrd", "curve_first.png"]
+    assert summary(elsewhere / "runs/tiny")["files"] == ["first.rrd", "first.parquet", "curve_first.png"]
 
 
 def test_the_seed_reaches_every_simulation(elsewhere: Path) -> None:
@@ -333,4 +333,4 @@ def test_a_program_that_is_killed_leaves_what_it_has_done(elsewhere: Path) -> No
     assert list(kept["cases"]) == ["first"]
     assert invtrack.load_recording(elsewhere / "runs/tiny/first.rrd")["first"].status == "completed"
     assert ended(study(cases=[case("other")])) == 0
-    assert {entry.name for entry in (elsewhere / "runs/tiny").iterdir()} == {"summary.json", "other.rrd"}
+    assert {entry.name for entry in (elsewhere / "runs/tiny").iterdir()} == {"summary.json", "other.rrd", "other.parquet"}

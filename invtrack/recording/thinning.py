@@ -1,0 +1,101 @@
+"""Which samples of a run its recording shows: few enough for a viewer, and all that a person could see.
+
+A run is cut into buckets of equally many samples, each so short that `COLUMNS` of them fill the interval with which the plots open,
+and `PER_PERIOD` a period of the slowest vibration. A series keeps the first sample of each bucket, and the least and the largest of
+every channel where these lie beyond both ends of the bucket, as M4 keeps them for the columns of pixels of a plot (Jugel, Jerzak,
+Hackenbroich, Markl, VLDB 2014): a smooth series costs one row a bucket, and no peak is lost, however short. Around whatever happens
+at an instant every sample is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.arrays import Array
+from invtrack.results.inputs import actuation_time
+from invtrack.results.result import RunResult
+
+COLUMNS = 2000
+"""Buckets in the interval with which the plots open: about a column of pixels each on a plot as wide as a screen."""
+
+PER_PERIOD = 20
+"""Buckets in a period of the slowest vibration, so that its shape stays where the plots open on many periods."""
+
+AROUND = 10
+"""Samples that are kept on either side of an event, a change of a parameter, a gap in the values and the run's ends."""
+
+
+def shown_interval(runs: Sequence[RunResult]) -> tuple[float, float]:
+    """The time [s] that the plots show at first: the manoeuvre, the preactuation and postactuation times of `invtrack.results`, one
+    period of vibration after it."""
+    starts, ends = [], []
+    for run in runs:
+        begin, end = run.manoeuvre
+        starts.append(begin - (actuation_time(run, "before").value or 0.0))
+        ring_down = run.vibration_period if np.isfinite(run.vibration_period) else 0.0
+        ends.append(end + max(ring_down, 0.5 * (end - begin), actuation_time(run, "after").value or 0.0))
+    margin = 0.03 * (max(ends) - min(starts))
+    first, last = min(run.time[0] for run in runs), max(run.time[-1] for run in runs)
+    return float(max(min(starts) - margin, first)), float(min(max(ends) + margin, last))
+
+
+@dataclass(frozen=True)
+class Thinning:
+    """What to keep of the series of one run.
+
+    size: samples in a bucket, 1 where every sample is kept. marks: numbers of the samples (M,) at which something happens.
+    """
+
+    size: int
+    marks: NDArray[np.int64]
+
+    def rows(self, values: Array) -> NDArray[np.int64]:
+        """Numbers of the rows to keep (K,), in order, of the series `values` (rows, channels); its channels share them."""
+        count, channels = values.shape
+        if self.size == 1:
+            return np.arange(count)
+        whole = count // self.size
+        kept = np.zeros(count, dtype=bool)
+        kept[:: self.size] = True
+        kept[whole * self.size :] = True  # what is left over for a last bucket
+        marks = self.marks
+        for channel in range(channels):
+            series = np.ascontiguousarray(values[:, channel], dtype=float)
+            gaps = np.isnan(series)
+            if gaps.any():
+                marks = np.union1d(marks, np.flatnonzero(gaps[1:] != gaps[:-1]) + 1)
+            for sign in (1.0, -1.0):  # least, then largest
+                kept[_beyond_the_ends(np.where(gaps, np.inf, sign * series), whole, self.size)] = True
+        for offset in range(-AROUND, AROUND + 1):
+            near = marks + offset
+            kept[near[(near >= 0) & (near < count)]] = True
+        return np.flatnonzero(kept)
+
+
+def thinning(run: RunResult, *, every_sample: bool = False) -> Thinning:
+    """The thinning of a run for people to look at; every_sample: keep all."""
+    if every_sample or len(run.time) < 2:
+        return Thinning(1, np.zeros(0, dtype=np.int64))
+    start, end = shown_interval([run])
+    periods = run.vibration_period if np.isfinite(run.vibration_period) else np.inf
+    bucket = min((end - start) / COLUMNS, periods / PER_PERIOD)
+    step = (run.time[-1] - run.time[0]) / (len(run.time) - 1)
+    instants = [time for event in run.events for time in (event.time, event.until) if time is not None]
+    changed = np.any(run.parameters.values[1:] != run.parameters.values[:-1], axis=1)
+    jumps = np.flatnonzero(changed & ~np.concatenate([[False], changed[:-1]])) + 1  # of a drift its beginning
+    marks = np.concatenate([np.searchsorted(run.time, instants), jumps, [0, len(run.time) - 1]])
+    return Thinning(max(int(bucket / step), 1), np.unique(marks))
+
+
+def _beyond_the_ends(series: Array, whole: int, size: int) -> NDArray[np.int64]:
+    """Places of the least values of `whole` buckets of `size` samples, where below the first and not above that of the next one."""
+    buckets = series[: whole * size].reshape(whole, size)
+    least = buckets.argmin(axis=1)
+    places = np.arange(whole) * size + least
+    following = series[np.minimum(np.arange(1, whole + 1) * size, len(series) - 1)]
+    found: NDArray[np.int64] = places[(least > 0) & (series[places] <= following)]
+    return found
