@@ -12,7 +12,6 @@ from invtrack.arrays import Array
 from invtrack.recording.scene import Scene
 from invtrack.recording.series import TIME, channels_by_unit, entity_path, unit_path
 from invtrack.recording.shapes import visible_geoms
-from invtrack.recording.thinning import shown_interval
 from invtrack.results.result import RunResult, Signal
 
 VIEWING_DISTANCE = 1.5
@@ -21,12 +20,14 @@ VIEWING_DISTANCE = 1.5
 SKY = (176, 190, 204)
 
 
-def make_blueprint(runs: Sequence[RunResult], scenes: Sequence[Scene | None], *, shared: bool = False) -> rrb.Blueprint:
+def make_blueprint(
+    runs: Sequence[RunResult], scenes: Sequence[Scene | None], interval: tuple[float, float], *, shared: bool = False
+) -> rrb.Blueprint:
     """3-D scene, parameters, events, metrics on the left; output, error, input and states on the right, all cases in one plot each.
 
-    shared: the layout is also that of other recordings, so it has places for what their cases may have and these do not.
+    interval: the time [s] that the plots show at first. shared: the layout is also that of other recordings, so it has places for
+    what their cases may have and these do not.
     """
-    interval = shown_interval(runs)
     shares: dict[float, list[rrb.Container | rrb.View]] = {
         3.0: _scenes(runs, scenes, shared=shared),
         1.3: _parameters(runs, interval),

@@ -23,7 +23,7 @@ from invtrack.recording.numbers import send_numbers
 from invtrack.recording.samples import FORMAT, read_samples, require_format, samples_path, write_samples
 from invtrack.recording.scene import Scene, make_scene, send_scene
 from invtrack.recording.series import send_series
-from invtrack.recording.thinning import thinning
+from invtrack.recording.thinning import shown_interval, thinning
 from invtrack.results.result import RunResult
 
 SHARED_ROOT = "case"
@@ -38,14 +38,14 @@ def save_recording(
 ) -> Path:
     """Write a recording with one or several cases, a Rerun file and a Parquet file, and return the path of the former.
 
-    NAME.rrd, at `path`, holds what people look at: the 3-D scene of each case that has a MuJoCo model (float32, about 60 frames per
-    second of simulated time), the series and the tracking error, thinned so that no peak is lost, the events, and a layout of
-    views. Open it with `rerun <path>`. NAME.parquet beside it holds every sample in float64, in a row each, and all that the runs
-    hold besides: `load_recording(path)[case].equals(result)` holds bit for bit.
+    NAME.rrd, at `path`, holds what people look at: the 3-D scene of each case that has a MuJoCo model (float32, about 60 frames
+    per second of simulated time where the plots open, 20 elsewhere), the series and the tracking error, thinned so that no
+    peak is lost, the events, and a layout of views. Open it with `rerun <path>`. NAME.parquet beside it holds every sample in
+    float64, in a row each, and all that the runs hold besides: `load_recording(path)[case].equals(result)` holds bit for bit.
 
     Thinned: a series shows the first sample of each bucket, and the least and the largest where they lie beyond that and the first
-    of the next bucket. 2000 buckets fill the interval with which the plots open, 20 a period of the slowest vibration. Around
-    events, changes of parameters, gaps and the run's ends 10 samples on either side are all there.
+    of the next bucket. 2000 buckets fill the interval with which the plots open, 1000 the manoeuvre, 20 a period of the slowest
+    vibration, or more. Around events, jumps of parameters, gaps and the run's ends 10 samples on either side are all there.
 
     application: name that recordings of one case each share, such as the cases of a study. Opened together, `rerun <folder>/*.rrd`,
     they then show in one layout, in which every case has the same place. every_sample: show every sample in the Rerun file, which
@@ -65,13 +65,23 @@ def save_recording(
     target = file_path(path)
     if target.suffix != ".rrd":
         raise RecordingError(f"expected a path that ends in .rrd, by which the Rerun viewer knows recordings; got {target}")
-    scenes = [make_scene(run) for run in runs]
+    interval = shown_interval(runs)
+    scenes = [make_scene(run, interval) for run in runs]
     identity = str(uuid.uuid4())
     with replaced_when_complete(target) as shown, replaced_when_complete(samples_path(target)) as samples:
         target.parent.mkdir(parents=True, exist_ok=True)
         shown.touch()  # Rerun opens the file in the background, so find out here whether it can be written
         write_samples(runs, samples, recording=identity)
-        _write_shown(runs, scenes, shown, title=target.stem, application=application, every_sample=every_sample, identity=identity)
+        _write_shown(
+            runs,
+            scenes,
+            shown,
+            interval=interval,
+            title=target.stem,
+            application=application,
+            every_sample=every_sample,
+            identity=identity,
+        )
     return target
 
 
@@ -80,6 +90,7 @@ def _write_shown(
     scenes: list[Scene | None],
     path: Path,
     *,
+    interval: tuple[float, float],
     title: str,
     application: str,
     every_sample: bool,
@@ -90,6 +101,7 @@ def _write_shown(
     Args:
         runs, scenes: the cases.
         path: of the file.
+        interval: with which the plots open [s].
         title: name of the recording in the viewer.
         application, every_sample: as in `save_recording`.
         identity: what the recording and its samples know each other by.
@@ -97,12 +109,12 @@ def _write_shown(
     stream = rr.RecordingStream(f"invtrack {application}" if application else _application_id(runs), recording_id=identity)
     placed = [replace(run, name=SHARED_ROOT) for run in runs] if application else runs
     try:
-        stream.save(path, default_blueprint=make_blueprint(placed, scenes, shared=bool(application)))
+        stream.save(path, default_blueprint=make_blueprint(placed, scenes, interval, shared=bool(application)))
         stream.send_recording_name(title)
         stream.send_property(PROPERTY, rr.DynamicArchetype(PROPERTY, components={"format": FORMAT, "recording": identity}))
         for number, (run, at, scene) in enumerate(zip(runs, placed, scenes, strict=True)):
             prefix = f"{run.name}: " if len(runs) > 1 else ""
-            send_series(stream, at, thinning(run, every_sample=every_sample), number=number, prefix=prefix)
+            send_series(stream, at, thinning(run, interval, every_sample=every_sample), number=number, prefix=prefix)
             send_numbers(stream, at, name=run.name)
             if scene is not None:
                 send_scene(stream, at, scene)

@@ -30,10 +30,13 @@ from invtrack.recording.tendons import TendonPath, Wrapping, is_path, send_tendo
 from invtrack.results.result import RunResult
 
 FRAME_RATE = 60.0
-"""Frames per second of simulated time."""
+"""Frames per second of simulated time in the interval with which the plots open."""
+
+FRAME_RATE_ELSEWHERE = 20.0
+"""Frames per second of simulated time before and after it."""
 
 FEWEST_FRAMES = 300
-"""Frames of a run that is too short for this many at FRAME_RATE, if it has as many samples."""
+"""Frames of a run that is too short for this many at these rates, if it has as many samples."""
 
 BLOCK = 1000
 """Frames of which MuJoCo's whole arrays of tendons' points are kept at a time."""
@@ -66,15 +69,17 @@ class Scene:
     tendons: dict[int, TendonPath]
 
 
-def make_scene(result: RunResult) -> Scene | None:
+def make_scene(result: RunResult, interval: tuple[float, float]) -> Scene | None:
     """The scene of a run, None where it has no MuJoCo model or no positions.
+
+    interval: with which the plots open [s], where the frames follow one another at their full rate.
 
     Raises RecordingError where the model cannot be loaded or does not fit the positions.
     """
     if not result.mjb or not result.qpos.size:
         return None
     model = _load(result)
-    frames = frame_samples(result)
+    frames = frame_samples(result, interval)
     if not frames.size:
         return None
     shown = [tendon for tendon in range(model.ntendon) if is_path(model, tendon) and tendon_rgba(model, tendon)[3] > 0]
@@ -82,7 +87,8 @@ def make_scene(result: RunResult) -> Scene | None:
     pieces: dict[int, list[TendonPath]] = {tendon: [] for tendon in shown}
     for first in range(0, frames.size, BLOCK):
         block = slice(first, first + BLOCK)
-        wrapping = _play(model, result.qpos[frames[block]], positions[block], quaternions[block], tendons=bool(shown))
+        with np.errstate(over="ignore"):  # of a run that diverges
+            wrapping = _play(model, result.qpos[frames[block]], positions[block], quaternions[block], tendons=bool(shown))
         for tendon in shown:
             pieces[tendon].append(tendon_path(wrapping, tendon))
     tendons = {tendon: TendonPath.joined(parts) for tendon, parts in pieces.items()}
@@ -103,18 +109,20 @@ def _play(model: mujoco.MjModel, qpos: Array, positions: Array, quaternions: Arr
             mujoco.mj_comPos(model, data)
             mujoco.mj_tendon(model, data)
             wrapping.firsts[frame], wrapping.counts[frame] = live.firsts, live.counts
-            wrapping.objects[frame] = live.objects
-            with np.errstate(over="ignore"):  # of a run that diverges
-                wrapping.points[frame] = live.points
+            wrapping.points[frame], wrapping.objects[frame] = live.points, live.objects
     return wrapping
 
 
-def frame_samples(result: RunResult) -> NDArray[np.int64]:
-    """Numbers of the samples that are drawn: about FRAME_RATE per second, and none with positions that are not finite."""
+def frame_samples(result: RunResult, interval: tuple[float, float]) -> NDArray[np.int64]:
+    """Numbers of the samples that are drawn, at the rates above, and none with positions that are not finite."""
     time = result.time
-    duration = time[-1] - time[0]
-    wanted = int(max(duration * FRAME_RATE, FEWEST_FRAMES)) + 1
-    frames = np.unique(np.clip(np.searchsorted(time, np.linspace(time[0], time[-1], wanted)), 0, time.size - 1))
+    begin, end = np.clip(interval, time[0], time[-1])
+    parts = ((time[0], begin, FRAME_RATE_ELSEWHERE), (begin, end, FRAME_RATE), (end, time[-1], FRAME_RATE_ELSEWHERE))
+    counts = [min(int((last - first) * rate), time.size) + 1 for first, last, rate in parts]
+    grids = [np.linspace(first, last, count) for (first, last, _), count in zip(parts, counts, strict=True)]
+    if sum(counts) < FEWEST_FRAMES:
+        grids = [np.linspace(time[0], time[-1], FEWEST_FRAMES + 1)]
+    frames = np.unique(np.clip(np.searchsorted(time, np.concatenate(grids)), 0, time.size - 1))
     return np.asarray(frames[np.all(np.isfinite(result.qpos[frames]), axis=1)], dtype=np.int64)
 
 

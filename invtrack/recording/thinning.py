@@ -1,10 +1,10 @@
 """Which samples of a run its recording shows: few enough for a viewer, and all that a person could see.
 
-A run is cut into buckets of equally many samples, each so short that `COLUMNS` of them fill the interval with which the plots open,
-and `PER_PERIOD` a period of the slowest vibration. A series keeps the first sample of each bucket, and the least and the largest of
-every channel where these lie beyond both ends of the bucket, as M4 keeps them for the columns of pixels of a plot (Jugel, Jerzak,
-Hackenbroich, Markl, VLDB 2014): a smooth series costs one row a bucket, and no peak is lost, however short. Around whatever happens
-at an instant every sample is kept.
+A run is cut into buckets of as many samples each, so short that `COLUMNS` of them fill the interval with which the plots open and
+`PER_PERIOD` a period of the slowest vibration, during the manoeuvre also so short that `IN_MANOEUVRE` of them fill that. A series
+keeps the first sample of each bucket, and the least and the largest of every channel where these lie beyond both ends of the
+bucket, as M4 keeps them for the columns of pixels of a plot (Jugel, Jerzak, Hackenbroich, Markl, VLDB 2014): a smooth series
+costs one row a bucket, and no peak is lost, however short. Around whatever happens at an instant every sample is kept.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ COLUMNS = 2000
 
 PER_PERIOD = 20
 """Buckets in a period of the slowest vibration, so that its shape stays where the plots open on many periods."""
+
+IN_MANOEUVRE = 1000
+"""Buckets in the manoeuvre, for a close look at it where the plots open on much more."""
 
 AROUND = 10
 """Samples that are kept on either side of an event, a change of a parameter, a gap in the values and the run's ends."""
@@ -47,55 +50,64 @@ def shown_interval(runs: Sequence[RunResult]) -> tuple[float, float]:
 class Thinning:
     """What to keep of the series of one run.
 
-    size: samples in a bucket, 1 where every sample is kept. marks: numbers of the samples (M,) at which something happens.
+    parts: of the run, each with the number of its first sample and that of samples in a bucket; they follow one another, from
+    sample 0 on. marks: numbers of the samples (M,) at which something happens.
     """
 
-    size: int
+    parts: tuple[tuple[int, int], ...]
     marks: NDArray[np.int64]
 
     def rows(self, values: Array) -> NDArray[np.int64]:
         """Numbers of the rows to keep (K,), in order, of the series `values` (rows, channels); its channels share them."""
         count, channels = values.shape
-        if self.size == 1:
-            return np.arange(count)
-        whole = count // self.size
         kept = np.zeros(count, dtype=bool)
-        kept[:: self.size] = True
-        kept[whole * self.size :] = True  # what is left over for a last bucket
+        ends = [first for first, _ in self.parts[1:]] + [count]
+        parts = [(min(first, count), min(end, count), size) for (first, size), end in zip(self.parts, ends, strict=True)]
+        for first, end, size in parts:
+            kept[first:end:size] = True
+            kept[end - (end - first) % size : end] = True  # what is left over for a last bucket
         marks = self.marks
-        for channel in range(channels):
+        for channel in range(channels if any(size > 1 for _, size in self.parts) else 0):
             series = np.ascontiguousarray(values[:, channel], dtype=float)
             gaps = np.isnan(series)
             if gaps.any():
                 marks = np.union1d(marks, np.flatnonzero(gaps[1:] != gaps[:-1]) + 1)
             for sign in (1.0, -1.0):  # least, then largest
-                kept[_beyond_the_ends(np.where(gaps, np.inf, sign * series), whole, self.size)] = True
+                signed = np.where(gaps, np.inf, sign * series)
+                for first, end, size in parts:
+                    kept[_beyond_the_ends(signed, first, end, size)] = True
         for offset in range(-AROUND, AROUND + 1):
             near = marks + offset
             kept[near[(near >= 0) & (near < count)]] = True
         return np.flatnonzero(kept)
 
 
-def thinning(run: RunResult, *, every_sample: bool = False) -> Thinning:
-    """The thinning of a run for people to look at; every_sample: keep all."""
+def thinning(run: RunResult, interval: tuple[float, float], *, every_sample: bool = False) -> Thinning:
+    """The thinning of a run for people to look at.
+
+    interval: with which the plots open [s]. every_sample: keep all.
+    """
     if every_sample or len(run.time) < 2:
-        return Thinning(1, np.zeros(0, dtype=np.int64))
-    start, end = shown_interval([run])
-    periods = run.vibration_period if np.isfinite(run.vibration_period) else np.inf
-    bucket = min((end - start) / COLUMNS, periods / PER_PERIOD)
+        return Thinning(((0, 1),), np.zeros(0, dtype=np.int64))
+    period = run.vibration_period if np.isfinite(run.vibration_period) else np.inf
+    bucket = min((interval[1] - interval[0]) / COLUMNS, period / PER_PERIOD)
+    begins, ends = run.manoeuvre
+    in_manoeuvre = min(bucket, (ends - begins) / IN_MANOEUVRE)
     step = (run.time[-1] - run.time[0]) / (len(run.time) - 1)
+    firsts = [0, *np.searchsorted(run.time, run.manoeuvre).tolist()]
+    sizes = [max(int(length / step), 1) for length in (bucket, in_manoeuvre, bucket)]
     instants = [time for event in run.events for time in (event.time, event.until) if time is not None]
     changed = np.any(run.parameters.values[1:] != run.parameters.values[:-1], axis=1)
     jumps = np.flatnonzero(changed & ~np.concatenate([[False], changed[:-1]])) + 1  # of a drift its beginning
     marks = np.concatenate([np.searchsorted(run.time, instants), jumps, [0, len(run.time) - 1]])
-    return Thinning(max(int(bucket / step), 1), np.unique(marks))
+    return Thinning(tuple(zip(firsts, sizes, strict=True)), np.unique(marks))
 
 
-def _beyond_the_ends(series: Array, whole: int, size: int) -> NDArray[np.int64]:
-    """Places of the least values of `whole` buckets of `size` samples, where below the first and not above that of the next one."""
-    buckets = series[: whole * size].reshape(whole, size)
-    least = buckets.argmin(axis=1)
-    places = np.arange(whole) * size + least
-    following = series[np.minimum(np.arange(1, whole + 1) * size, len(series) - 1)]
-    found: NDArray[np.int64] = places[(least > 0) & (series[places] <= following)]
+def _beyond_the_ends(series: Array, first: int, end: int, size: int) -> NDArray[np.int64]:
+    """Places of the least values of the whole buckets from `first` to `end`, where below the first and not above the next one's."""
+    whole = (end - first) // size
+    starts = first + size * np.arange(whole)
+    least = series[first : first + whole * size].reshape(whole, size).argmin(axis=1)
+    following = series[np.minimum(starts + size, len(series) - 1)]
+    found: NDArray[np.int64] = (starts + least)[(least > 0) & (series[starts + least] <= following)]
     return found

@@ -251,7 +251,7 @@ def test_initial_state_has_the_kept_states() -> None:
 
 def test_recorded_scene_shows_the_body_as_it_stands() -> None:
     run = sidestep(helicopter(np.pi / 2))
-    scene = make_scene(run)
+    scene = make_scene(run, (run.time[0], run.time[-1]))
     assert scene is not None
     body = mujoco.mj_name2id(scene.model, mujoco.mjtObj.mjOBJ_BODY, "helicopter")
     assert scene.positions[:, body] == pytest.approx(run.qpos[scene.frames, :3])

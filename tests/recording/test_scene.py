@@ -129,13 +129,17 @@ def test_what_is_not_to_be_seen_is_not_recorded(recorded: Recorded) -> None:
     assert not {"hidden", "collision_only", "unseen"} & names
 
 
-def test_about_sixty_frames_per_second(run: RunResult) -> None:
+def test_sixty_frames_per_second_where_the_plots_open_and_twenty_elsewhere(run: RunResult) -> None:
     time = np.linspace(-5.0, 15.0, 20_001)
     long_run = dataclasses.replace(run, time=time, qpos=np.zeros((time.size, 2)))
-    frames = time[frame_samples(long_run)]
+    frames = time[frame_samples(long_run, (-1.0, 4.0))]
     assert frames[[0, -1]] == pytest.approx([-5.0, 15.0])
-    assert np.allclose(np.diff(frames), 1 / 60, atol=1.1e-3)  # to the nearest sample
-    assert frame_samples(run).size > 250  # a short run keeps enough frames to be watched slowly
+    inside = (frames >= -1.0) & (frames <= 4.0)
+    assert np.allclose(np.diff(frames[inside]), 1 / 60, atol=1.1e-3)  # to the nearest sample
+    for outside in (frames[frames <= -1.0], frames[frames >= 4.0]):
+        assert np.allclose(np.diff(outside), 1 / 20, atol=1.1e-3)
+    assert np.allclose(np.diff(time[frame_samples(long_run, (-9.0, 99.0))]), 1 / 60, atol=1.1e-3)
+    assert frame_samples(run, (0.0, 0.6)).size > 250  # a short run keeps enough frames to be watched slowly
 
 
 def test_samples_without_position_are_left_out(run: RunResult, tmp_path: Path) -> None:

@@ -27,6 +27,11 @@ def long_run() -> RunResult:
     return two_mode_run(timestep=1e-4)
 
 
+def opened(result: RunResult) -> Thinning:
+    """The thinning of a run that is recorded alone."""
+    return thinning(result, shown_interval([result]))
+
+
 def shown(result: RunResult, folder: Path, path: str) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of the samples that the Rerun file has of a series, and its values."""
     recorded = Recorded(save_recording(result, folder / "run.rrd"))
@@ -72,20 +77,24 @@ finite = st.floats(-1e300, 1e300) | st.sampled_from([0.0, 1.0, np.nan, np.inf, -
 @settings(max_examples=200, deadline=None)
 @given(
     series=st.lists(finite, min_size=1, max_size=60),
-    size=st.integers(1, 9),
+    sizes=st.tuples(st.integers(1, 9), st.integers(1, 9), st.integers(1, 9)),
+    cuts=st.tuples(st.integers(0, 60), st.integers(0, 60)).map(sorted),
     marks=st.lists(st.integers(0, 59), max_size=2),
 )
 def test_the_least_and_the_largest_of_every_bucket_and_its_first_sample_are_kept(
-    series: list[float], size: int, marks: list[int]
+    series: list[float], sizes: tuple[int, int, int], cuts: list[int], marks: list[int]
 ) -> None:
     values = np.array(series)
-    rows = Thinning(size, np.unique(np.array(marks, dtype=np.int64))).rows(values[:, np.newaxis])
+    parts = tuple(zip([0, *cuts], sizes, strict=True))
+    rows = Thinning(parts, np.unique(np.array(marks, dtype=np.int64))).rows(values[:, np.newaxis])
     assert np.array_equal(rows, np.unique(rows))
     kept = set(rows)
-    assert set(range(0, len(series), size)) <= kept
+    starts = {row for (first, size), end in zip(parts, [*cuts, 60], strict=True) for row in range(first, end, size)}
+    starts = sorted(row for row in starts if row < len(series))
+    assert set(starts) <= kept
     assert {row for mark in marks for row in range(mark - AROUND, mark + AROUND + 1) if 0 <= row < len(series)} <= kept
-    for first in range(0, len(series), size):
-        bucket = range(first, min(first + size + 1, len(series)))  # up to the next one's first sample, where the line goes
+    for first, following in zip(starts, [*starts[1:], len(series) - 1], strict=True):
+        bucket = range(first, following + 1)  # up to the next one's first sample, where the line goes
         numbers = [values[row] for row in bucket if not np.isnan(values[row])]
         drawn = [values[row] for row in bucket if row in kept and not np.isnan(values[row])]
         if numbers:
@@ -117,8 +126,17 @@ def test_all_samples_around_whatever_happens_are_shown(long_run: RunResult, tmp_
 
 def test_a_vibration_that_is_short_beside_the_manoeuvre_keeps_its_shape(long_run: RunResult) -> None:
     fast = dataclasses.replace(long_run, vibration_period=0.02)
-    assert thinning(fast).size * 1e-4 <= 0.02 / 20
-    assert thinning(long_run).size > 3 * thinning(fast).size
+    assert np.diff(opened(fast).rows(fast.output.values)).max() * 1e-4 <= 0.02 / 20
+    assert np.diff(opened(long_run).rows(long_run.output.values)).max() * 1e-4 > 3 * 0.02 / 20
+
+
+def test_a_short_manoeuvre_in_a_long_interval_is_shown_in_detail(long_run: RunResult) -> None:
+    never_at_rest = np.random.default_rng(3).normal(size=long_run.applied.values.shape)  # so that the plots open on all of it
+    busy = dataclasses.replace(long_run, applied=Signal(never_at_rest, long_run.applied.channels), manoeuvre=(0.0, 0.4))
+    assert shown_interval([busy]) == (-6.0, 16.0)
+    times = busy.time[opened(busy).rows(busy.output.values)]
+    assert np.diff(times[(times >= 0.0) & (times <= 0.4)]).max() <= 0.4 / 1000 * (1 + 1e-9)
+    assert len(times) < 1.2 * (COLUMNS + 1000)
 
 
 def test_thinning_knows_no_unit_of_time(long_run: RunResult) -> None:
@@ -131,12 +149,12 @@ def test_thinning_knows_no_unit_of_time(long_run: RunResult) -> None:
         timestep=long_run.timestep * years,
         events=[dataclasses.replace(event, time=event.time * years) for event in long_run.events],
     )
-    assert np.array_equal(thinning(slow).rows(slow.output.values), thinning(long_run).rows(long_run.output.values))
+    assert np.array_equal(opened(slow).rows(slow.output.values), opened(long_run).rows(long_run.output.values))
 
 
 def test_every_sample_can_be_shown(tmp_path: Path) -> None:
     part = two_mode_run(timestep=1e-3)
-    assert thinning(part).size > 1
+    assert len(opened(part).rows(part.output.values)) < 0.5 * len(part.time)
     recorded = Recorded(save_recording(part, tmp_path / "run.rrd", every_sample=True))
     assert recorded.column(OUTPUT, "step") == list(range(len(part.time)))
     assert recorded.column(INPUT, "step") == list(range(len(part.time) - 1))
