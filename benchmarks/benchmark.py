@@ -75,7 +75,7 @@ def main(quick: bool = False, turns: int = 5) -> None:
     imports(turns)
     with tempfile.TemporaryDirectory() as folder:
         closed_loop(Path(folder), int(100_000 * share), turns)
-        recording(Path(folder), int(100_000 * share), turns)
+        recording(Path(folder), int(500_000 * share), turns)
     inversion_over_samples([int(n * share) for n in (10_000, 100_000, 1_000_000)], turns)
     inversion_over_spline(share, turns)
     methods_over_jumps([1, 10, 100, 1000] if not quick else [1, 10, 100], turns)

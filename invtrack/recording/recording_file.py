@@ -49,7 +49,7 @@ def save_recording(
 
     application: name that recordings of one case each share, such as the cases of a study. Opened together, `rerun <folder>/*.rrd`,
     they then show in one layout, in which every case has the same place. every_sample: show every sample in the Rerun file, which
-    then takes about six times the space of the Parquet file. Both files appear under their names only once they are complete, the
+    then takes several times the space of the Parquet file. Both files appear under their names only once they are complete, the
     Rerun file last; missing folders above them are made.
 
     Raises RecordingError where there is no case, an application is given for several cases, two cases share a name, the arrays of a

@@ -1,6 +1,10 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +16,8 @@ import rerun as rr
 from invtrack.errors import FileError, RecordingError
 from invtrack.recording import load_recording, recording_file, samples, save_recording
 from invtrack.results.result import RunResult
+
+CHECKOUT = Path(__file__).parents[2]
 
 
 def test_cases_need_distinct_names(run: RunResult, tmp_path: Path) -> None:
@@ -68,6 +74,47 @@ def test_a_failure_midway_leaves_the_earlier_recording(
         save_recording(dataclasses.replace(run, name="later"), path)
     assert list(load_recording(path)) == ["inversion"]
     assert sorted(file.name for file in tmp_path.iterdir()) == ["run.parquet", "run.rrd"]
+
+
+def test_an_end_between_the_two_files_is_told_and_loses_no_run(
+    run: RunResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, later = save_recording(run, tmp_path / "run.rrd"), dataclasses.replace(run, name="later")
+
+    def replace_samples_alone(draft: Path, target: Path) -> None:
+        if target.suffix == ".rrd":
+            raise KeyboardInterrupt
+        os.rename(draft, target)
+
+    with monkeypatch.context() as ending:
+        ending.setattr(os, "replace", replace_samples_alone)
+        with pytest.raises(KeyboardInterrupt):
+            save_recording(later, path)
+    with pytest.raises(RecordingError, match="holds the samples of another recording"):
+        load_recording(path)
+    assert load_recording(path.with_suffix(".parquet"))["later"].equals(later)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["run.parquet", "run.rrd"]
+
+
+def test_a_killed_process_leaves_the_earlier_recording(run: RunResult, tmp_path: Path) -> None:
+    path = save_recording(run, tmp_path / "run.rrd")
+    program = (
+        "import os, signal, sys\n"
+        "import pyarrow.parquet as pq\n"
+        "from invtrack.recording import save_recording\n"
+        "from tests.recording.conftest import mechanism_run\n"
+        "class Killed(pq.ParquetWriter):\n"
+        "    def write_table(self, *arguments, **options):\n"
+        "        super().write_table(*arguments, **options)\n"
+        "        os.kill(os.getpid(), signal.SIGKILL)\n"
+        "pq.ParquetWriter = Killed\n"
+        "save_recording(mechanism_run('later'), sys.argv[1])\n"
+    )
+    search = os.pathsep.join([str(CHECKOUT), os.environ.get("PYTHONPATH", "")])
+    ended = subprocess.run([sys.executable, "-c", program, str(path)], env={**os.environ, "PYTHONPATH": search}, check=False)
+    assert ended.returncode == -signal.SIGKILL
+    assert load_recording(path)["inversion"].equals(run)
+    assert {file.name for file in tmp_path.iterdir() if not file.name.startswith(".")} == {"run.parquet", "run.rrd"}
 
 
 def test_a_failure_of_the_disk_is_reported_and_leaves_the_earlier_recording(

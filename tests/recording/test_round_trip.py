@@ -3,6 +3,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -16,7 +17,7 @@ from invtrack.channels import Channels
 from invtrack.recording import load_recording, samples, save_recording
 from invtrack.results.result import RunResult, Signal
 from tests.recording.conftest import Recorded, mechanism_run
-from tests.synthetic_runs import two_mode_run
+from tests.synthetic_runs import diverged, two_mode_run
 
 
 def test_a_run_comes_back_bit_for_bit(run: RunResult, tmp_path: Path) -> None:
@@ -222,3 +223,32 @@ def test_the_bits_of_a_nan_and_the_sign_of_zero_survive(run: RunResult, tmp_path
     case = dataclasses.replace(run, output=Signal(values, run.output.channels))
     loaded = load_recording(save_recording(case, tmp_path / "run.rrd"))["inversion"].output.values
     assert np.array_equal(loaded.view(np.uint64), values.view(np.uint64))
+
+
+def test_a_run_that_diverged_comes_back_with_its_last_samples(tmp_path: Path) -> None:
+    run = diverged(two_mode_run(), at=5.0)
+    path = save_recording(run, tmp_path / "run.rrd")
+    assert load_recording(path)["exact"].equals(run)
+    assert np.isinf(load_recording(path)["exact"].output.values[-1, 0])
+
+
+def test_a_free_body_keeps_its_quaternions(tmp_path: Path) -> None:
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body name="drone"><freejoint/><geom type="box" size="0.3 0.2 0.1"/></body></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1.0, -2.0, 3.0, 0.5, 4.0, -1.0
+    qpos = np.empty((301, 7))
+    for step in range(301):
+        qpos[step] = data.qpos
+        mujoco.mj_step(model, data)
+    binary = np.zeros(mujoco.mj_sizeModel(model), dtype=np.uint8)
+    mujoco.mj_saveModel(model, None, binary)
+    run = dataclasses.replace(mechanism_run(), qpos=qpos, mjb=binary.tobytes(), parameter_bodies={})
+    path = save_recording(run, tmp_path / "run.rrd")
+    assert load_recording(path)["inversion"].equals(run)
+    recorded = Recorded(path)
+    shown = np.array(recorded.column("/inversion/scene/bodies/drone", "Transform3D:quaternion"))[:, 0]
+    at = recorded.column("/inversion/scene/bodies/drone", "step")
+    unit = qpos[at, 3:] / np.linalg.norm(qpos[at, 3:], axis=1, keepdims=True)
+    assert np.allclose(shown, unit[:, [1, 2, 3, 0]], atol=1e-6)
