@@ -110,7 +110,7 @@ def read_samples(path: Path, *, recording: str | None = None) -> dict[str, RunRe
             for run in runs.values():
                 _fill(run, file, groups, path)
             return runs
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise RecordingError(
             f"cannot read the samples in {path}: {error}. It is no Parquet file, or it is damaged or was cut off; expected a file "
             "that save_recording wrote"
@@ -150,6 +150,9 @@ def _model(case: dict[str, Any], texts: dict[str, str]) -> bytes:
 def _fill(run: RunResult, file: pq.ParquetFile, groups: Iterator[int], path: Path) -> None:
     """Read the samples of a run from the next row groups into its arrays."""
     columns = columns_of(run)
+    missing = sorted({CASE, *columns} - set(file.schema_arrow.names))
+    if missing:
+        raise RecordingError(f"{path} has no column {', '.join(map(repr, missing))}: the file was edited or is damaged")
     done = 0
     while done < run.time.size:
         group = next(groups, None)
@@ -162,7 +165,8 @@ def _fill(run: RunResult, file: pq.ParquetFile, groups: Iterator[int], path: Pat
             )
         for name, values in columns.items():
             part = values[done : done + table.num_rows]
-            if name not in table.column_names or table.column(name).slice(0, len(part)).null_count:
+            stored = table.column(name).slice(0, len(part))
+            if stored.null_count:
                 raise RecordingError(f"column {name!r} of case {run.name!r} in {path} lacks values: the file was edited")
-            part[:] = table.column(name).slice(0, len(part)).to_numpy()
+            part[:] = stored.to_numpy()
         done += table.num_rows

@@ -205,15 +205,21 @@ def test_damage_anywhere_in_the_samples_is_found(run: RunResult, tmp_path: Path)
     file.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(RecordingError, match=r"cannot read the samples in .*run\.parquet.*damaged or was cut off"):
         load_recording(path)
+    plain = dataclasses.replace(
+        run, mjb=b"", qpos=np.zeros((0, 0)), parameter_bodies={}
+    )  # half of its file says what is in the other
+    file = save_recording(plain, path).with_suffix(".parquet")
+    whole = file.read_bytes()
     unnoticed = []
-    for place in np.random.default_rng(0).integers(0, len(whole), 100):
-        file.write_bytes(whole[:place] + bytes([whole[place] ^ 16]) + whole[place + 1 :])
+    for place in np.random.default_rng(0).integers(0, 8 * len(whole), 500):
+        byte, bit = divmod(int(place), 8)
+        file.write_bytes(whole[:byte] + bytes([whole[byte] ^ (1 << bit)]) + whole[byte + 1 :])
         try:
-            loaded = load_recording(path)
+            loaded = load_recording(file)
         except RecordingError:
             continue
-        if not loaded["inversion"].equals(run):
-            unnoticed.append(int(place))
+        if not loaded["inversion"].equals(plain):
+            unnoticed.append(place)
     assert unnoticed == []
 
 
@@ -227,8 +233,10 @@ def rewritten(path: Path, table: pa.Table) -> Path:
 def test_edited_samples_are_refused(run: RunResult, tmp_path: Path) -> None:
     path = save_recording(run, tmp_path / "run.rrd").with_suffix(".parquet")
     table = pq.read_table(path)
-    with pytest.raises(RecordingError, match=r"column 'applied base_force \[N\]' of case 'inversion' .*lacks values"):
-        load_recording(rewritten(path, table.drop_columns(["applied base_force [N]"])))
+    with pytest.raises(RecordingError, match=r"has no column 'applied base_force \[N\]', 'case'"):
+        load_recording(rewritten(path, table.drop_columns(["applied base_force [N]", "case"])))
+    with pytest.raises(RecordingError, match=r"column 'qpos 1' of case 'inversion' .*lacks values"):
+        load_recording(rewritten(path, table.set_column(table.column_names.index("qpos 1"), "qpos 1", pa.nulls(301, pa.float64()))))
     with pytest.raises(RecordingError, match=r"expected 301 samples of case 'inversion' .*, found 300"):
         load_recording(rewritten(path, table.slice(0, 300)))
     with pytest.raises(RecordingError, match=r"expected 301 samples of case 'inversion' .*, found 0 .*'other'"):
