@@ -70,12 +70,12 @@ class Thinning:
         for channel in range(channels if any(size > 1 for _, size in self.parts) else 0):
             series = np.ascontiguousarray(values[:, channel], dtype=float)
             gaps = np.isnan(series)
+            low = high = series
             if gaps.any():
                 marks = np.union1d(marks, np.flatnonzero(gaps[1:] != gaps[:-1]) + 1)
-            for sign in (1.0, -1.0):  # least, then largest
-                signed = np.where(gaps, np.inf, sign * series)
-                for first, end, size in parts:
-                    kept[_beyond_the_ends(signed, first, end, size)] = True
+                low, high = np.where(gaps, np.inf, series), np.where(gaps, -np.inf, series)
+            for first, end, size in parts:
+                kept[_extremes(low, high, first, end, size)] = True
         for offset in range(-AROUND, AROUND + 1):
             near = marks + offset
             kept[near[(near >= 0) & (near < count)]] = True
@@ -103,11 +103,15 @@ def thinning(run: RunResult, interval: tuple[float, float], *, every_sample: boo
     return Thinning(tuple(zip(firsts, sizes, strict=True)), np.unique(marks))
 
 
-def _beyond_the_ends(series: Array, first: int, end: int, size: int) -> NDArray[np.int64]:
-    """Places of the least values of the whole buckets from `first` to `end`, where below the first and not above the next one's."""
+def _extremes(low: Array, high: Array, first: int, end: int, size: int) -> NDArray[np.int64]:
+    """Places of the least of `low` and the largest of `high` in each whole bucket from `first` to `end`, if beyond its ends.
+
+    The ends of a bucket are its first sample and that of the next one; what equals the latter is a step down or up to it, and kept.
+    """
     whole = (end - first) // size
+    inside = slice(first, first + whole * size)
     starts = first + size * np.arange(whole)
-    least = series[first : first + whole * size].reshape(whole, size).argmin(axis=1)
-    following = series[np.minimum(starts + size, len(series) - 1)]
-    found: NDArray[np.int64] = (starts + least)[(least > 0) & (series[starts + least] <= following)]
-    return found
+    following = np.minimum(starts + size, len(low) - 1)
+    least = starts + low[inside].reshape(whole, size).argmin(axis=1)
+    largest = starts + high[inside].reshape(whole, size).argmax(axis=1)
+    return np.concatenate([least[low[least] <= low[following]], largest[high[largest] >= high[following]]])
