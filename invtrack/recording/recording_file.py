@@ -7,6 +7,7 @@ import json
 import uuid
 import warnings
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -68,10 +69,14 @@ def save_recording(
     interval = shown_interval(runs)
     scenes = [make_scene(run, interval) for run in runs]
     identity = str(uuid.uuid4())
-    with replaced_when_complete(target) as shown, replaced_when_complete(samples_path(target)) as samples:
+    with (
+        replaced_when_complete(target) as shown,
+        replaced_when_complete(samples_path(target)) as samples,
+        ThreadPoolExecutor(1) as other_core,  # Arrow encodes without the interpreter's lock
+    ):
         target.parent.mkdir(parents=True, exist_ok=True)
         shown.touch()  # Rerun opens the file in the background, so find out here whether it can be written
-        write_samples(runs, samples, recording=identity)
+        writing = other_core.submit(write_samples, runs, samples, recording=identity)
         _write_shown(
             runs,
             scenes,
@@ -82,6 +87,7 @@ def save_recording(
             every_sample=every_sample,
             identity=identity,
         )
+        writing.result()
     return target
 
 
