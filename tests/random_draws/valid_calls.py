@@ -398,7 +398,9 @@ def _calls() -> dict[str, Call]:
         "metrics": call(invtrack.metrics, result=vibrating, periods=1.0, duration=1.0),
         "run_cost": call(results.run_cost, result=run, R=1.0, Q_x=0.1, Q_y=10.0, u_0=0.0, x_0=0.0, wanted=run.reference.values),
         # recording
-        "save_recording": call(invtrack.save_recording, results=vibrating, path="saved.rrd", application="trial"),
+        "save_recording": call(
+            invtrack.save_recording, results=vibrating, path="saved.rrd", application="trial", every_sample=False
+        ),
         "load_recording": call(invtrack.load_recording, path="run.rrd"),
         # figures
         "tracking_figure": call(figures.tracking_figure, result=run, window=(0.0, 1.0)),
