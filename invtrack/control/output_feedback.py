@@ -92,9 +92,8 @@ class OutputFeedbackLaw:
         designs: list[EstimatorDesign],
         which: Indices,
     ) -> None:
-        self._feedforward, self._x_ref, self._expected, self._drift = feedforward, x_ref, expected, drift
-        self._designs, self._which = designs, which.tolist()
-        self._seen_hold = seen_hold.tolist()
+        self.feedforward, self.x_ref, self.expected, self.drift = feedforward, x_ref, expected, drift
+        self.designs, self.which, self.seen_hold = designs, which, seen_hold
         self._corrections = np.zeros((len(x_ref) + 1, feedforward.shape[1]))  # w of each hold; the last row: none before the first
         self._prior = np.zeros(x_ref.shape[1])
         self._estimate = x_ref[0]
@@ -143,16 +142,16 @@ class OutputFeedbackLaw:
 
     def update(self, index: int, measurement: Array) -> Array:
         """Input (p,) at instant number `index`."""
-        design = self._designs[self._which[index]]
-        innovation = measurement - self._expected[index] - design.C_m.dot(self._prior)
+        design = self.designs[int(self.which[index])]
+        innovation = measurement - self.expected[index] - design.C_m.dot(self._prior)
         if design.has_feedthrough:
-            innovation -= design.D_m.dot(self._corrections[self._seen_hold[index]])
+            innovation -= design.D_m.dot(self._corrections[int(self.seen_hold[index])])
         deviation = self._prior + design.M.dot(innovation)
-        feedforward = self._feedforward[index]
+        feedforward = self.feedforward[index]
         result: Array = feedforward - design.K.dot(deviation)
         correction = self._corrections[index] = np.clip(result, design.low, design.high) - feedforward
-        self._prior = design.A_d.dot(deviation) + design.B_d.dot(correction) + self._drift[index]
-        self._estimate = self._x_ref[index] + deviation
+        self._prior = design.A_d.dot(deviation) + design.B_d.dot(correction) + self.drift[index]
+        self._estimate = self.x_ref[index] + deviation
         return result
 
 

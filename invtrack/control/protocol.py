@@ -137,9 +137,6 @@ class Controller(Protocol):
 class AffineLaw:
     """u = offset_i - K_i x at instant i, everything that does not depend on the measurement worked out before the run.
 
-    A loop that keeps its states in rows [x, offset] gets u by one product with `row_gain`: each operation on a small array costs as
-    much as the next, and this one is taken in every physics step.
-
     Args:
         offset: (m, p), absolute.
         gains: the distinct K (p, n).
@@ -149,10 +146,7 @@ class AffineLaw:
     estimate = None
 
     def __init__(self, offset: Array, gains: Sequence[Array], which: Indices) -> None:
-        self.offset = offset
-        self._gains = gains
-        self._row_gains = [np.hstack([-gain, np.eye(len(gain))]) for gain in gains]
-        self._which = which
+        self.offset, self.gains, self.which = offset, gains, which
 
     @classmethod
     def around(cls, feedforward: Array, x_ref: Array, gains: GainSchedule, inside: Array) -> AffineLaw:
@@ -163,14 +157,9 @@ class AffineLaw:
             offset[which == k] += x_ref[which == k] @ gain.T
         return cls(offset, gains.gains, which)
 
-    def row_gain(self, index: int) -> Array:
-        """[-K I] (p, n + p) of one instant."""
-        gain: Array = self._row_gains[int(self._which[index])]
-        return gain
-
     def update(self, index: int, measurement: Array) -> Array:
         """Input (p,) at instant number `index`."""
-        result: Array = self.offset[index] - self._gains[int(self._which[index])] @ measurement
+        result: Array = self.offset[index] - self.gains[int(self.which[index])] @ measurement
         return result
 
 

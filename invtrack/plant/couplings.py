@@ -19,20 +19,16 @@ MuJoCo treats these forces explicitly, whatever the integrator; RK4 evaluates th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import accumulate
 
 import mujoco
 import numpy as np
 
-from invtrack.arrays import Array, Indices
+from invtrack.arrays import Array
 from invtrack.errors import PlantError
 from invtrack.plant.elements import element_name, listed
-
-Callback = Callable[[mujoco.MjModel, mujoco.MjData], None]
 
 MARK = "velocity_coupling"
 """What the names of a coupling's tuple and numeric contain; prefixes and suffixes (of <attach>, say) do not hide it."""
@@ -44,72 +40,11 @@ _SIZES = {mujoco.mjtObj.mjOBJ_JOINT: 1, mujoco.mjtObj.mjOBJ_BODY: TWIST}
 _SCALAR_JOINTS = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
 
 
-@contextmanager
-def mujoco_callbacks(model: mujoco.MjModel, *, control: Callback | None = None, passive: Callback | None = None) -> Iterator[None]:
-    """Run `control(model, data)` and `passive(model, data)` inside MuJoCo's pipeline for `model`, and for `model` only.
-
-    control writes data.ctrl, passive adds to data.qfrc_passive; MuJoCo calls both in every mj_forward and in each stage of RK4. The
-    callbacks of MuJoCo are global to the process. Here other models (also copies of `model`) do not see these; blocks may be
-    nested, and within a nested block the callbacks of the outer one still serve the outer model. What was installed before is
-    back in place when the block ends, also after an exception.
-    """
-    previous_control, previous_passive = mujoco.get_mjcb_control(), mujoco.get_mjcb_passive()
-    try:
-        if control is not None:
-            mujoco.set_mjcb_control(_only_for(model, control, previous_control))
-        if passive is not None:
-            mujoco.set_mjcb_passive(_only_for(model, passive, previous_passive))
-        yield
-    finally:
-        mujoco.set_mjcb_control(previous_control)
-        mujoco.set_mjcb_passive(previous_passive)
-
-
-@contextmanager
-def mujoco_warnings() -> Iterator[list[str]]:
-    """Collect the texts of MuJoCo's warnings in a list, in place of its log file MUJOCO_LOG.TXT and its lines on stderr.
-
-    MuJoCo warns of each kind once per MjData. The handler is global to the process; what was installed before is put back at the
-    end.
-    """
-    texts: list[str] = []
-    previous = mujoco.get_mju_user_warning()
-    try:
-        mujoco.set_mju_user_warning(texts.append)
-        yield texts
-    finally:
-        mujoco.set_mju_user_warning(previous)
-
-
-@contextmanager
-def callbacks_suspended() -> Iterator[None]:
-    """Run a block without control and passive callbacks, then put them back.
-
-    MuJoCo tries out what it compiles, and a callback in Python cannot be given a model that is not finished.
-    """
-    control, passive = mujoco.get_mjcb_control(), mujoco.get_mjcb_passive()
-    mujoco.set_mjcb_control(None)
-    mujoco.set_mjcb_passive(None)
-    try:
-        yield
-    finally:
-        mujoco.set_mjcb_control(control)
-        mujoco.set_mjcb_passive(passive)
-
-
-def _only_for(model: mujoco.MjModel, callback: Callback, otherwise: Callback | None) -> Callback:
-    def dispatch(called_model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        if called_model is model:
-            callback(called_model, data)
-        elif otherwise is not None:
-            otherwise(called_model, data)
-
-    return dispatch
-
-
 @dataclass(frozen=True, eq=False)
 class VelocityCoupling:
     """Generalized forces J' K J qvel (nv,), where J qvel (k,) are the velocities of the coupled joints and bodies.
+
+    `invtrack.plant.native.coupling_forces` computes them.
 
     name: as in the file. K (k, k): forces per velocity, in SI units. joints: the rows of J that pick a degree of freedom, as
     (row, dof). bodies: the rows of J at which the six of a body's twist start, as (row, body).
@@ -122,31 +57,6 @@ class VelocityCoupling:
 
     def __post_init__(self) -> None:
         self.K.setflags(write=False)
-
-    @cached_property
-    def dofs(self) -> Indices:
-        """The degrees of freedom of the coupled joints."""
-        return np.array([dof for _, dof in self.joints], dtype=np.intp)
-
-    def add_forces(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Add the forces to data.qfrc_passive; positions and velocities of `data` must be up to date."""
-        if self.bodies:
-            J = self.jacobian(model, data)
-            data.qfrc_passive += J.T @ (self.K @ (J @ data.qvel))
-        else:
-            data.qfrc_passive[self.dofs] += self.K @ data.qvel[self.dofs]
-
-    def jacobian(self, model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-        """J (k, nv), at the configuration of `data`."""
-        J = np.zeros((len(self.K), model.nv))  # a fresh one: rollouts call from several threads
-        for row, dof in self.joints:
-            J[row, dof] = 1
-        translation, rotation = np.zeros((3, model.nv)), np.zeros((3, model.nv))
-        for row, body in self.bodies:
-            mujoco.mj_jacBody(model, data, translation, rotation, body)
-            to_body = data.xmat[body].reshape(3, 3).T
-            J[row : row + 3], J[row + 3 : row + TWIST] = to_body @ translation, to_body @ rotation
-        return J
 
 
 def require_known_elements(spec: mujoco.MjSpec) -> None:

@@ -12,8 +12,9 @@ import numpy as np
 
 from invtrack.arrays import shown
 from invtrack.errors import PlantError
-from invtrack.plant.couplings import callbacks_suspended, require_known_elements
+from invtrack.plant.couplings import require_known_elements
 from invtrack.plant.elements import element_name, listed
+from invtrack.plant.native.slots import python_callbacks_suspended
 
 Source: TypeAlias = str | Path | mujoco.MjSpec | mujoco.MjModel
 """The path of an MJCF file, MJCF text, a specification, or a compiled model."""
@@ -81,7 +82,7 @@ def load_model(source: Source) -> LoadedModel:
 def compile_spec(spec: mujoco.MjSpec, description: str) -> mujoco.MjModel:
     """The model that a specification describes."""
     try:
-        with callbacks_suspended():
+        with python_callbacks_suspended():
             return spec.compile()
     except ValueError as error:
         raise PlantError(f"{description} does not compile: {error}") from error

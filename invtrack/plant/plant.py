@@ -21,7 +21,7 @@ from invtrack.errors import PlantError
 from invtrack.linear.state_space import OperatingPoint
 from invtrack.plant.actuator_delays import fill_histories
 from invtrack.plant.configuration import Configuration, state_of
-from invtrack.plant.couplings import VelocityCoupling, mujoco_callbacks, velocity_couplings
+from invtrack.plant.couplings import VelocityCoupling, velocity_couplings
 from invtrack.plant.elements import (
     Addresses,
     coordinate_channels,
@@ -246,9 +246,9 @@ class Plant:
             with plant.forces(model):
                 mujoco.mj_step(model, data)
 
-        The block holds for this model object alone, not for copies of it; blocks for several models and plants may be nested. It
-        works through MuJoCo's passive callback (see `invtrack.plant.couplings`), of which a model has one at a time. A plant
-        without couplings installs none.
+        The block holds for this model object alone, not for copies of it; blocks for several models and plants may be nested, and
+        entered in several threads. It works through MuJoCo's passive callback (see `invtrack.plant.native.slots`), compiled, so
+        that MuJoCo keeps its speed. A plant without couplings installs none.
 
         Raises PlantError for a model that did not come from this plant.
         """
@@ -256,11 +256,9 @@ class Plant:
             return nullcontext()
         model = self.model if model is None else model
         self._require_own(model)
-        return mujoco_callbacks(model, passive=self._add_coupling_forces)
+        from invtrack.plant.native.coupling_forces import coupling_forces  # compiles; plants without couplings do without it
 
-    def _add_coupling_forces(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        for coupling in self.couplings:
-            coupling.add_forces(model, data)
+        return coupling_forces(model, self.couplings)
 
     def measure(self, data: mujoco.MjData) -> Array:
         """The outputs (p,) of data that are up to date, as after mj_forward (after mj_step part of them lag by one step)."""

@@ -2,17 +2,15 @@
 
 from invtrack.simulation.acting_limits import ActingLimit, Stretches
 from invtrack.simulation.closed_loop import simulate
-from invtrack.simulation.linear_plant import LinearPlant, LinearStageInput, LinearStepper
-from invtrack.simulation.simulated_plant import Sensor, SimulatedPlant, StageInput, Stepper
+from invtrack.simulation.linear_plant import LinearPlant, LinearStepper
+from invtrack.simulation.simulated_plant import Sensor, SimulatedPlant, Stepper
 
 __all__ = [
     "ActingLimit",
     "LinearPlant",
-    "LinearStageInput",
     "LinearStepper",
     "Sensor",
     "SimulatedPlant",
-    "StageInput",
     "Stepper",
     "Stretches",
     "simulate",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 
 import mujoco
@@ -70,44 +69,36 @@ class ActiveConstraints:
 
 
 class ConstraintWatch:
-    """Notes, step by step, which constraints act: one look at two numbers per step where none does."""
+    """Notes which constraints act, asked after each step in which MuJoCo has any, and after the first without."""
 
     def __init__(self, constraints: ActiveConstraints, data: mujoco.MjData) -> None:
         self._constraints, self._data = constraints, data
-        self._step = 0
         self._since: dict[Key, tuple[int, float]] = {}
         self._over: dict[Key, list[tuple[int, int, float]]] = {}
 
-    def around(self, step: Callable[[], None]) -> Callable[[], None]:
-        """The step, watched."""
-        data, note = self._data, self._note
+    @property
+    def acting(self) -> bool:
+        """Whether any acted in the step that was noted last."""
+        return bool(self._since)
 
-        def watched() -> None:
-            step()
-            self._step += 1
-            if data.nl or data.ncon or self._since:
-                note()
-
-        return watched if self._constraints.possible else step
-
-    def stretches(self) -> dict[ActingLimit, Stretches]:
-        """When each of those that acted did."""
+    def stretches(self, steps: int) -> dict[ActingLimit, Stretches]:
+        """When each of those that acted did, in a run of so many steps."""
         found = {key: [*spans] for key, spans in self._over.items()}
         for key, (since, most) in self._since.items():
-            found.setdefault(key, []).append((since, self._step, most))
+            found.setdefault(key, []).append((since, steps, most))
         return {
             self._constraints.limit(key): Stretches(*(np.array(column) for column in zip(*spans, strict=True)))
             for key, spans in found.items()
         }
 
-    def _note(self) -> None:
+    def note(self, step: int) -> None:
+        """Look at the data after a step, by its number."""
         acting = self._constraints.excess(self._data)
-        last = self._step - 1
         for key in [key for key in self._since if key not in acting]:
             since, most = self._since.pop(key)
-            self._over.setdefault(key, []).append((since, last, most))
+            self._over.setdefault(key, []).append((since, step, most))
         for key, depth in acting.items():
-            since, most = self._since.get(key, (last, 0.0))
+            since, most = self._since.get(key, (step, 0.0))
             self._since[key] = since, max(most, depth)
 
 

@@ -133,14 +133,15 @@ def simulate(
     instants = stage_instants(grid) if evaluate == "stages" else held_instants(grid, update)
     warn_of_unstable_holds(controller, instants, plant.model if isinstance(plant, LinearPlant) else plan.model)
     warn_of_fast_zeros(controller, float(np.max(grid.step if evaluate == "stages" else instants.hold)))
+    chain = SensorChain(simulated.measurements.names, sensors or {}, seed)
     run = Run(
+        plant=simulated,
         stepper=simulated.stepper(_state(simulated, initial_state), parameters.initial),
         law=controller.begin(instants),
         grid=grid,
         update=update,
         changes=parameters.later,
-        measures=controller.measures,
-        sensors=SensorChain(simulated.measurements.names, sensors or {}, seed),
+        sensors=chain if controller.measures == "sensors" else None,
     )
     recorded = run.go(at_stages=evaluate == "stages", progress=progress)
     remarks = (*left_out_of(plan.model), *span.remarks)

@@ -46,9 +46,24 @@ class Grid:
         return np.repeat(np.arange(len(self.step)), np.diff(self.first_step))
 
     @property
+    def middles(self) -> Array:
+        """Middle of each interval (m,) [s]: a time that is certainly on the right side of every breakpoint."""
+        return np.asarray((self.edges[:-1] + self.edges[1:]) / 2)
+
+    @property
     def middle(self) -> Array:
-        """Middle of the interval of each step (N,) [s]: a time that is certainly on the right side of every breakpoint."""
-        return ((self.edges[:-1] + self.edges[1:]) / 2)[self.interval]
+        """Middle of the interval of each step (N,) [s]."""
+        return self.middles[self.interval]
+
+    @property
+    def alike(self) -> Array:
+        """Lengths of the steps in each interval (m,) [s], one and the same number for those that differ by rounding of times."""
+        order = np.argsort(self.step, kind="stable")
+        rounding = 8 * np.finfo(float).eps * np.max(np.abs(self.edges))
+        group = np.cumsum(np.diff(self.step[order], prepend=self.step[order[0]]) > rounding)
+        result = np.empty_like(self.step)
+        result[order] = self.step[order][np.searchsorted(group, group)]
+        return result
 
     def edge_index(self, t: float) -> int | None:
         """Index of the edge at time t, or None where t lies outside the grid."""

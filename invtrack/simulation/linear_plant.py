@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,15 @@ from numpy.typing import ArrayLike
 
 from invtrack.arguments import require_text
 from invtrack.arrays import Array, real_numbers
-from invtrack.control.protocol import Law
+from invtrack.control.protocol import numbered
 from invtrack.errors import SimulationError
 from invtrack.linear.propagation import zero_order_hold
 from invtrack.linear.switched import as_switched
 from invtrack.simulation.acting_limits import ActingLimit, Stretches, clipped
+from invtrack.simulation.grid import Grid
+from invtrack.simulation.native.law import Calls
+from invtrack.simulation.native.loop import STAGES
+from invtrack.simulation.native.record import RunMemory
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 
@@ -61,52 +65,52 @@ def linear_plant(plant: LinearPlant) -> SimulatedPlant:
 class LinearStepper:
     """Exact steps with a held input, x - rest <- A_d (x - rest) + B_d (u - u0), or RK4 with the input evaluated at every stage."""
 
-    raw_is_deviation = True
-
     def __init__(self, plant: LinearPlant, x: Array) -> None:
         self._plant = plant
-        self._system = plant.model.systems[0]
-        n, m, p = self._system.n_states, self._system.n_inputs, self._system.n_outputs
-        measured = len(self._system.measurement.channels)
-        self._x = np.array(x)
-        self.state: tuple[Array, ...] = (self._x,)
-        self.control: Array = np.array(self._system.operating_point.u0)
-        self.sensors: Array = np.zeros(p + measured)
-        self.output_columns, self.measurement_columns = np.arange(p), np.arange(p, p + measured)
-        self.advance: Callable[[], None] = self._advance
-        self._low, self._high = plant.input_limits.T
-        self._known: dict[tuple[int, float], tuple[Array, Array]] = {}
-        self._transition, self._timestep = np.zeros((n, n + m)), 0.0
-        self._sensor_rows = np.zeros((p + measured, n + m))
-        self._sensors_at_rest = np.zeros(p + measured)
+        first = plant.model.systems[0]
+        self._x = np.array(x, dtype=float)
+        p, self.n_values = first.n_outputs, first.n_outputs + len(first.measurement.channels)
+        self.output_columns, self.measurement_columns = np.arange(p), np.arange(p, self.n_values)
 
-    def enter(self, timestep: float, time: float, parameters: Mapping[str, float]) -> None:
-        """Start an interval of steps of one length [s] at `time` [s]."""
-        # A little inside the interval: its start may be a switch time, computed in another way.
-        k = int(self._plant.model.interval(time + timestep / 2))
-        system = self._system = self._plant.model.systems[k]
-        if (k, timestep) not in self._known:
-            rows = np.block([[system.C, system.D], [system.measurement.C, system.measurement.D]])
-            self._known[k, timestep] = np.hstack(zero_order_hold(system.A, system.B, timestep)), rows
-        self._timestep = timestep
-        self._transition, self._sensor_rows = self._known[k, timestep]
-        self._sensors_at_rest = np.concatenate([system.operating_point.y0, system.measurement.y0])
+    @property
+    def width(self) -> int:
+        """Length of a raw state: that of the state."""
+        return len(self._x)
 
-    def refresh(self) -> None:
-        """Bring `sensors` up to the present state and input."""
-        self._sense(np.concatenate([self._x - self._system.rest, self._deviation(self.control)]))
+    def bind(self, memory: RunMemory, calls: Calls, grid: Grid) -> None:
+        """Put the plant into the record of a run."""
+        model = self._plant.model
+        n, m = model.n_states, model.n_inputs
+        low, high = self._plant.input_limits.T
+        cases, case = numbered(zip(model.numbers[model.interval(grid.middles)].tolist(), grid.alike.tolist(), strict=True))
+        systems = [model.distinct[number] for number, _ in cases]
+        rows = [np.block([[s.C, s.D], [s.measurement.C, s.measurement.D]]) for s in systems]
+        steps = [np.hstack(zero_order_hold(system.A, system.B, h)) for system, (_, h) in zip(systems, cases, strict=True)]
+        memory.put(linear=1, qpos=self._x, values=np.zeros(self.n_values), together=np.zeros(n + m), rates=np.zeros((STAGES, n)))
+        memory.copy(
+            ctrl=model.systems[0].operating_point.u0,
+            inputs=np.arange(m),
+            case=case,
+            transitions=np.stack(steps),
+            sensor_rows=np.stack(rows),
+            rests=np.stack([system.rest for system in systems]),
+            u0=np.stack([system.operating_point.u0 for system in systems]),
+            y0=np.stack([np.concatenate([system.operating_point.y0, system.measurement.y0]) for system in systems]),
+            A=np.stack([system.A for system in systems]),
+            B=np.stack([system.B for system in systems]),
+            low=low,
+            high=high,
+        )
 
-    def _advance(self) -> None:
-        rest = self._system.rest
-        together = np.concatenate([self._x - rest, self._deviation(self.control)])
-        self._sense(together)
-        self._x[:] = rest + self._transition @ together
+    def running(self, memory: RunMemory, *, at_stages: bool) -> AbstractContextManager[None]:
+        """Steps may be taken at any time."""
+        return nullcontext()
 
-    def _deviation(self, u: Array) -> Array:
-        return np.asarray(np.clip(u, self._low, self._high) - self._system.operating_point.u0)
+    def begin(self, timestep: float, time: float) -> None:
+        """There is nothing to prepare."""
 
-    def _sense(self, together: Array) -> None:
-        self.sensors[:] = self._sensors_at_rest + self._sensor_rows @ together
+    def change(self, parameters: Mapping[str, float]) -> None:
+        """A linear plant has no parameters: it switches by itself."""
 
     def deviations(self, raw: Array) -> Array:
         """The raw states themselves."""
@@ -122,7 +126,7 @@ class LinearStepper:
         inputs = self._plant.model.inputs
         return [ActingLimit(f"limit of {name}", unit) for name, unit in zip(inputs.names, inputs.units, strict=True)]
 
-    def constrained(self) -> Mapping[ActingLimit, Stretches]:
+    def constrained(self, steps: int) -> Mapping[ActingLimit, Stretches]:
         """Nothing else limits a linear plant."""
         return {}
 
@@ -130,36 +134,6 @@ class LinearStepper:
         """No columns: there is no geometry."""
         return np.zeros((len(raw), 0))
 
-    @contextmanager
-    def stages(self, law: Law) -> Iterator[LinearStageInput]:
-        """A block in which the law is evaluated at every stage."""
-        yield LinearStageInput(self, law)
-
     def failed(self) -> bool:
         """Whether the state is not finite."""
         return not bool(np.all(np.isfinite(self._x)))
-
-    def runge_kutta(self, index: int, law: Law) -> Array:
-        """One step of RK4 with the law evaluated at each stage; returns the input at mid-step."""
-        system, h, x = self._system, self._timestep, self._x.copy()
-        rates: list[Array] = []
-        inputs: list[Array] = []
-        for instant, share in ((0, 0.0), (1, 0.5), (1, 0.5), (2, 1.0)):
-            state = x + share * h * rates[-1] if rates else x
-            inputs.append(law.update(3 * index + instant, state))
-            rates.append(system.A @ (state - system.rest) + system.B @ self._deviation(inputs[-1]))
-        self.control[:] = inputs[0]
-        self.refresh()
-        self._x[:] = x + h / 6 * (rates[0] + 2 * rates[1] + 2 * rates[2] + rates[3])
-        return inputs[1]
-
-
-class LinearStageInput:
-    """Steps of RK4 of a linear plant under one law."""
-
-    def __init__(self, stepper: LinearStepper, law: Law) -> None:
-        self._stepper, self._law = stepper, law
-
-    def step(self, index: int) -> Array:
-        """Take step number `index`; returns the input (p,) at its middle."""
-        return self._stepper.runge_kutta(index, self._law)

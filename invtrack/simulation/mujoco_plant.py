@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -11,22 +11,24 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from invtrack.arrays import Array, Indices
-from invtrack.control.protocol import Law
+from invtrack.arrays import Array
 from invtrack.errors import SimulationError
 from invtrack.plant.actuator_delays import actuator_delays, fill_histories
 from invtrack.plant.configuration import configuration_of
-from invtrack.plant.couplings import mujoco_callbacks
+from invtrack.plant.native.layout import data_count, data_time, model_timestep
+from invtrack.plant.native.libmujoco import address_of
+from invtrack.plant.native.readings import readings_of
+from invtrack.plant.native.slots import CONTROL
 from invtrack.plant.plant import Plant
 from invtrack.simulation.acting_limits import ActingLimit, Stretches
 from invtrack.simulation.active_constraints import ActiveConstraints, ConstraintWatch
 from invtrack.simulation.actuation import Actuation
-from invtrack.simulation.live_readings import LiveReadings
+from invtrack.simulation.grid import Grid
+from invtrack.simulation.native.law import Calls
+from invtrack.simulation.native.loop import STAGES
+from invtrack.simulation.native.record import RunMemory
 from invtrack.simulation.planned_limits import limits_along
 from invtrack.simulation.simulated_plant import SimulatedPlant
-
-STAGES_OF_RK4 = (0, 1, 1, 2)
-"""At which of a step's three instants (start, middle, end) each of the four stages evaluates the input."""
 
 DELAY_ROUNDING = 1e-9
 """Share of an actuator's delay within which a control counts as old enough."""
@@ -77,63 +79,93 @@ class MujocoStepper:
         self.data = data = plant.new_data(self.model)
         self._x0 = plant.operating_point_in(self.model).x0
         data.qpos[:], data.qvel[:], data.act[:] = configuration_of(self.model, self._x0, plant.coordinates_of(x))
-        self.state: tuple[Array, ...] = (data.qpos, data.qvel, data.act) if self.model.na else (data.qpos, data.qvel)
-        outputs, measurements = (readings.readings for readings in (plant.output_readings, plant.measurement_readings))
-        self._live = live = LiveReadings(self.model, data, [*outputs, *measurements])
-        self.sensors: Array = live.values
-        self.output_columns, self.measurement_columns = np.split(live.columns, [len(outputs)])
-        self._entered = False
-        self._forward = self._with_forces(mujoco.mj_forward)
-        self.control, self.advance = self._control_and_step(plant.input_addresses)
-        self._watch = ConstraintWatch(ActiveConstraints(self.model), data)
-        self.advance = self._watch.around(self.advance)
+        self._readings = [*plant.output_readings.readings, *plant.measurement_readings.readings]
+        self.output_columns, self.measurement_columns = np.split(np.arange(len(self._readings)), [len(plant.outputs)])
+        constraints = ActiveConstraints(self.model)
+        self._watch = ConstraintWatch(constraints, data) if constraints.possible else None
         self._actuation = Actuation(plant, self.model)
         self._kept = slice(None) if not plant.dropped else plant.state_addresses
-        self.raw_is_deviation = self.model.nq == self.model.nv and not np.any(self._x0) and not plant.dropped
+        self._raw_is_deviation = self.model.nq == self.model.nv and not np.any(self._x0) and not plant.dropped
 
-    def _control_and_step(self, inputs: Indices) -> tuple[Array, Callable[[], None]]:
-        """Where the input is written, and the function that takes a step."""
-        ctrl, step = self.data.ctrl, self._live.around(self._with_forces(mujoco.mj_step))
-        if np.array_equal(inputs, np.arange(inputs[0], inputs[0] + len(inputs))):
-            return ctrl[inputs[0] : inputs[-1] + 1], step
-        scattered = np.array(ctrl[inputs])
+    @property
+    def width(self) -> int:
+        """Length of a raw state: nq + nv + na."""
+        return len(self._x0)
 
-        def scatter_and_step() -> None:
-            ctrl[inputs] = scattered
-            step()
+    @property
+    def n_values(self) -> int:
+        """Number of outputs and measurements together."""
+        return len(self._readings)
 
-        return scattered, scatter_and_step
+    def bind(self, memory: RunMemory, calls: Calls, grid: Grid) -> None:
+        """Put the plant into the record of a run."""
+        model, data, plant = self.model, self.data, self.plant
+        stages = [reading.stage for reading in self._readings]
+        early, late = ([i for i, stage in enumerate(stages) if (stage == "sensor") is side] for side in (False, True))
+        places, tendons = bool({"position", "tendon"} & set(stages)), "tendon" in stages
+        memory.put(
+            model=model._address,
+            data=data._address,
+            step=address_of("mj_step"),
+            forward=address_of("mj_forward"),
+            kinematics=address_of("mj_kinematics") if places else 0,
+            tendon=address_of("mj_tendon") if tendons else 0,
+            differentiate=address_of("mj_differentiatePos") if model.nq != model.nv else 0,
+            timestep=model._address + model_timestep(),
+            time=data._address + data_time(),
+            **{name: int(getattr(model, name)) for name in ("nq", "nv", "na")},
+            **{name: getattr(data, name) for name in ("qpos", "qvel", "act", "ctrl")},
+            coordinates=np.zeros(2 * model.nv + model.na),
+            values=np.zeros(self.n_values),
+        )
+        memory.copy(inputs=plant.input_addresses, x0=self._x0, kept=plant.state_addresses)
+        for name, which in (("early", early), ("late", late)):
+            table, referred = readings_of(data, [self._readings[i] for i in which], which)
+            memory.put(**{name: table, f"n_{name}": len(table)})
+            memory.keep(**{f"{name}_references": referred})
+        if self._watch is not None:
+            watch = self._watch
 
-    def _with_forces(self, function: Callable[[mujoco.MjModel, mujoco.MjData], None]) -> Callable[[], None]:
-        """A call of one of MuJoCo's functions, with the plant's couplings in force as long as it runs."""
-        plain = partial(function, self.model, self.data)
-        if not self.plant.couplings:
-            return plain
+            def note(step: int) -> None:
+                watch.note(step)
+                memory.put(watching=int(watch.acting))
 
-        def coupled() -> None:
-            with self.plant.forces(self.model):
-                plain()
+            contacts, limits = (data._address + data_count(name) for name in ("ncon", "nl"))
+            memory.put(note=calls.address_of("note", note), contacts=contacts, limits=limits)
 
-        return coupled
+    @contextmanager
+    def running(self, memory: RunMemory, *, at_stages: bool) -> Iterator[None]:
+        """A block in which steps may be taken: with the plant's couplings, and where asked for with the law at every stage of RK4.
 
-    def enter(self, timestep: float, time: float, parameters: Mapping[str, float]) -> None:
-        """Start an interval: length of its steps [s], its time [s], and parameters that change now."""
-        self.model.opt.timestep = timestep
-        self.data.time = time
-        if not self._entered:
-            fill_histories(self.model, self.data, time)
-            self._entered = True
-        if parameters:
-            self.plant.apply(self.model, parameters)
-            self._actuation = Actuation(self.plant, self.model)
+        Raises SimulationError for stages of other integrators.
+        """
+        if at_stages and self.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
+            raise SimulationError(
+                'evaluate="stages" evaluates the input at the stages of RK4, the model uses another integrator; set '
+                '<option integrator="RK4"/> or use evaluate="held"'
+            )
+        memory.put(stage=STAGES)
+        with self.plant.forces(self.model):
+            if not at_stages:
+                yield
+                return
+            with CONTROL.block(self.data._address, memory.record.ctypes.data):
+                yield
 
-    def refresh(self) -> None:
-        """Bring `sensors` up to the present state: after mj_step they are one step old."""
-        self._forward()
-        self._live.read()
+    def begin(self, timestep: float, time: float) -> None:
+        """Start the run at a time [s], with steps of a length [s]."""
+        self.model.opt.timestep, self.data.time = timestep, time
+        fill_histories(self.model, self.data, time)
+
+    def change(self, parameters: Mapping[str, float]) -> None:
+        """Give parameters new values."""
+        self.plant.apply(self.model, parameters)
+        self._actuation = Actuation(self.plant, self.model)
 
     def deviations(self, raw: Array) -> Array:
         """States (k, n), as deviations from the operating point, of raw states (k, nq + nv + na)."""
+        if self._raw_is_deviation:
+            return raw
         nq, nv = self.model.nq, self.model.nv
         if nq == nv:
             return np.asarray((raw - self._x0)[:, self._kept])
@@ -149,58 +181,17 @@ class MujocoStepper:
 
     def passed_on(self, raw: Array, u: Array) -> tuple[Array, Array]:
         """What the actuators make of inputs; see `invtrack.simulation.actuation`."""
-        return self._actuation.passed_on(raw, u, after=np.vstack([raw[1:], np.concatenate(self.state)]))
+        return self._actuation.passed_on(raw[:-1], u, after=raw[1:])
 
     @property
     def limits(self) -> Sequence[ActingLimit]:
         """Those of the actuators."""
         return self._actuation.limits
 
-    def constrained(self) -> Mapping[ActingLimit, Stretches]:
-        """When ranges of joints and tendons, and contacts, acted."""
-        return self._watch.stretches()
-
-    @contextmanager
-    def stages(self, law: Law) -> Iterator[RungeKuttaInput]:
-        """A block in which the law is evaluated at every stage of RK4. Raises SimulationError for other integrators."""
-        if self.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
-            raise SimulationError(
-                'evaluate="stages" evaluates the input at the stages of RK4, the model uses another integrator; set '
-                '<option integrator="RK4"/> or use evaluate="held"'
-            )
-        stage_input = RungeKuttaInput(self, law)
-        with mujoco_callbacks(self.model, control=stage_input.control):
-            yield stage_input
+    def constrained(self, steps: int) -> Mapping[ActingLimit, Stretches]:
+        """When ranges of joints and tendons, and contacts, acted in so many steps."""
+        return {} if self._watch is None else self._watch.stretches(steps)
 
     def failed(self) -> bool:
         """Whether MuJoCo has warned of a state or input that is not finite or beyond what it integrates."""
         return any(self.data.warning[warning].number for warning in FAILURES)
-
-
-class RungeKuttaInput:
-    """Writes the control of each stage of a step, from inside MuJoCo's control callback."""
-
-    def __init__(self, stepper: MujocoStepper, law: Law) -> None:
-        self._law, self._stepper = law, stepper
-        self._inputs = stepper.plant.input_addresses
-        self._index, self._stage = 0, len(STAGES_OF_RK4)
-        self._middle = np.zeros(len(self._inputs))
-
-    def step(self, index: int) -> Array:
-        """Take step number `index`; returns the input (p,) at its middle."""
-        self._index, self._stage = index, 0
-        self._stepper.advance()
-        return self._middle
-
-    def control(self, _model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """MuJoCo's control callback: one call in each stage."""
-        if self._stage >= len(STAGES_OF_RK4):
-            return  # an evaluation outside a step keeps the last input
-        x = np.concatenate(self._stepper.state)
-        if not self._stepper.raw_is_deviation:
-            x = self._stepper.deviations(x[np.newaxis])[0]
-        u = self._law.update(3 * self._index + STAGES_OF_RK4[self._stage], x)
-        data.ctrl[self._inputs] = u
-        if self._stage == 1:
-            self._middle = u
-        self._stage += 1

@@ -12,44 +12,53 @@ import numpy as np
 from invtrack.arguments import instance
 from invtrack.arrays import Array, Indices, require_not_negative, whole_number
 from invtrack.channels import Channels
-from invtrack.control.protocol import Law
 from invtrack.errors import SimulationError
 from invtrack.linear.state_space import OperatingPoint
 from invtrack.plans.plan import Plan
 from invtrack.plant.actuator_delays import ActuatorDelay
 from invtrack.simulation.acting_limits import ActingLimit, Stretches
+from invtrack.simulation.grid import Grid
+from invtrack.simulation.native.law import Calls
+from invtrack.simulation.native.record import RunMemory
 
 
 class Stepper(Protocol):
-    """One run of a plant, as live memory that the loop reads and writes and a function that takes a step.
+    """One run of a plant: it puts its memory into the record on which the compiled loop works.
 
-    state: the arrays that together, in their order, are the plant's raw state. control (p,): the input that the next step holds.
-    sensors: after advance() the sensor values at the step's start, of which output_columns (p,) are the outputs and
-    measurement_columns (m,) the measurements. advance: takes one step.
+    output_columns (p,) and measurement_columns (m,): where both stand among the values that are seen at each step's start.
     """
 
-    state: tuple[Array, ...]
-    control: Array
-    sensors: Array
     output_columns: Indices
     measurement_columns: Indices
-    advance: Callable[[], None]
 
-    def enter(self, timestep: float, time: float, parameters: Mapping[str, float]) -> None:
-        """Start an interval: length of its steps [s], its time [s], parameters that change now (empty: none)."""
+    @property
+    def width(self) -> int:
+        """Length of a raw state."""
         ...
 
-    def refresh(self) -> None:
-        """Bring `sensors` up to the present state."""
+    @property
+    def n_values(self) -> int:
+        """Number of values that are seen at each step's start."""
+        ...
+
+    def bind(self, memory: RunMemory, calls: Calls, grid: Grid) -> None:
+        """Put the plant into the record of a run on this grid."""
+        ...
+
+    def running(self, memory: RunMemory, *, at_stages: bool) -> AbstractContextManager[None]:
+        """A block in which steps may be taken, with the law evaluated at every stage of the integrator or held."""
+        ...
+
+    def begin(self, timestep: float, time: float) -> None:
+        """Start the run at a time [s], with steps of a length [s]."""
+        ...
+
+    def change(self, parameters: Mapping[str, float]) -> None:
+        """Give parameters new values."""
         ...
 
     def deviations(self, raw: Array) -> Array:
         """States (k, n), as deviations from the operating point, of raw states (k, r)."""
-        ...
-
-    @property
-    def raw_is_deviation(self) -> bool:
-        """Whether a raw state is already the deviation, so that nothing need be computed."""
         ...
 
     def positions(self, raw: Array) -> Array:
@@ -57,9 +66,9 @@ class Stepper(Protocol):
         ...
 
     def passed_on(self, raw: Array, u: Array) -> tuple[Array, Array]:
-        """What is applied of inputs u (k, p) in steps that begin at raw states (k, r), and the excess over each limit (k, L).
+        """What is applied of inputs u (k, p) in steps between raw states (k + 1, r), and the excess over each limit (k, L).
 
-        The steps are the latest, all of the present interval; the columns of the excess are those of `limits`.
+        The parameters have not changed since; the columns of the excess are those of `limits`.
         """
         ...
 
@@ -68,24 +77,12 @@ class Stepper(Protocol):
         """The limits of actuators that may act, in the order of the columns of an excess, the inputs' first."""
         ...
 
-    def constrained(self) -> Mapping[ActingLimit, Stretches]:
+    def constrained(self, steps: int) -> Mapping[ActingLimit, Stretches]:
         """When other limits and contacts acted, in the steps taken so far."""
-        ...
-
-    def stages(self, law: Law) -> AbstractContextManager[StageInput]:
-        """A block in which the law is evaluated at every stage of the integrator instead of being held."""
         ...
 
     def failed(self) -> bool:
         """Whether the integration has broken down."""
-        ...
-
-
-class StageInput(Protocol):
-    """Steps with the input evaluated anew at each stage; instants 3 i, 3 i + 1, 3 i + 2 are step i's start, middle and end."""
-
-    def step(self, index: int) -> Array:
-        """Take step number `index`; returns the input (p,) at its middle."""
         ...
 
 
@@ -157,30 +154,17 @@ class SensorChain:
         if unknown:
             raise SimulationError(f"sensors are given for {unknown}; the plant's measurements are: {', '.join(names)}")
         chosen = [sensors.get(name, Sensor()) for name in names]
-        self._noise = np.array([sensor.noise for sensor in chosen])
-        self._digit = np.array([sensor.quantization for sensor in chosen])
-        self._delay = np.array([sensor.delay for sensor in chosen])
-        self._noisy, self._digital, self._late = bool(np.any(self._noise)), bool(np.any(self._digit)), bool(np.any(self._delay))
+        self._noise = np.array([sensor.noise for sensor in chosen], dtype=float)
+        self._digit = np.array([sensor.quantization for sensor in chosen], dtype=float)
+        self._delay = np.array([sensor.delay for sensor in chosen], dtype=float)
         self._random = np.random.default_rng(whole_number("seed", seed, error=SimulationError))
 
-    def sample(self, index: int, time: Array, ideal: Array, columns: Indices) -> Array:
-        """What the sensors show at time[index] (m,), from ideal values (N, k) up to and including row `index`, in m columns.
+    def bind(self, memory: RunMemory, columns: Indices) -> None:
+        """Put the sensors into the record of a run, whose measurements (m,) stand in these columns of what is seen."""
+        memory.put(from_sensors=1, noise=self._noise, digit=self._digit, delay=self._delay)
+        memory.copy(columns=columns, late_from=np.zeros(len(columns), dtype=np.int64))
 
-        A delayed sensor shows an earlier value, interpolated between steps; before the run began, the first.
-        """
-        shown = self._delayed(index, time, ideal, columns) if self._late else ideal[index, columns]
-        if self._noisy:
-            shown += self._noise * self._random.standard_normal(len(shown))
-        if self._digital:
-            digital = self._digit > 0
-            shown[digital] = np.rint(shown[digital] / self._digit[digital]) * self._digit[digital]
-        return shown
-
-    def _delayed(self, index: int, time: Array, ideal: Array, columns: Indices) -> Array:
-        if index == 0:
-            return np.asarray(ideal[0, columns])
-        instants = time[index] - self._delay
-        after = np.clip(np.searchsorted(time[: index + 1], instants), 1, index)
-        span = time[after] - time[after - 1]
-        share = np.clip((instants - time[after - 1]) / span, 0.0, 1.0)
-        return np.asarray(ideal[after - 1, columns] * (1 - share) + ideal[after, columns] * share)
+    def prepare(self, memory: RunMemory, updates: int) -> None:
+        """Draw the noise of the next updates."""
+        size = updates, len(self._noise)
+        memory.put(random=self._random.standard_normal(size) if np.any(self._noise) else np.zeros(size))

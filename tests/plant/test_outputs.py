@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 import invtrack
 from invtrack.errors import PlantError
 from invtrack.plant.plant import Plant
-from invtrack.simulation.mujoco_plant import MujocoStepper
 from tests.plant.mechanisms import HINGE_PENDULUM, LAGGED_SLIDER
+from tests.simulation.reference_loop import stepped
 
 # A free body that carries a tilted site on a slide with a filtered motor, and a pendulum on a ball; some of it without names.
 CRAFT = """
@@ -71,11 +71,15 @@ ALL = [
 ]
 
 
-def craft(outputs: list[str], *, integrator: str = "RK4", **options: Any) -> Plant:
-    """With as many outputs measured as wished; two of them are outputs of the linear model, for the two inputs."""
-    inputs = ["thrust", "actuator 1"]
+def craft(outputs: list[str], *, n_outputs: int = 2, integrator: str = "RK4", **options: Any) -> Plant:
+    """All of these are measured, and the first of them are the plant's outputs."""
     return Plant.from_xml(
-        CRAFT.format(integrator=integrator), inputs=inputs, outputs=outputs[:2], measurements=outputs, keyframe="banked", **options
+        CRAFT.format(integrator=integrator),
+        inputs=["thrust", "actuator 1"],
+        outputs=outputs[:n_outputs],
+        measurements=outputs,
+        keyframe="banked",
+        **options,
     )
 
 
@@ -134,22 +138,18 @@ def test_outputs_read_what_they_say() -> None:
 @pytest.mark.parametrize("integrator", ["RK4", "Euler", "implicitfast"])
 def test_a_run_writes_down_all_outputs_at_the_same_instant(integrator: str) -> None:
     """MuJoCo leaves its arrays at different instants of a step; in every row all outputs belong to the row's state."""
-    plant = craft(ALL, integrator=integrator)
-    model = invtrack.linearize(plant, allow_nonequilibrium=True)
+    plant = craft(ALL, n_outputs=len(ALL), integrator=integrator)
     start, rng = measured(plant, plant.new_data()), np.random.default_rng(2)
-    stepper = MujocoStepper(plant, 0.2 * rng.normal(size=model.n_states), {})
-    columns, reference = stepper.measurement_columns, plant.new_data()
-    for _ in range(20):
-        stepper.control[:] = rng.normal(size=2)
-        state = [np.array(part) for part in stepper.state]
-        stepper.advance()
-        values = dict(zip(plant.measurements.names, stepper.sensors[columns].tolist(), strict=True))
-        reference.qpos[:], reference.qvel[:], reference.act[:] = state
+    run = stepped(plant, 0.2 * rng.normal(size=plant.n_states), rng.normal(size=(20, 2)), timestep=1e-3)
+    reference = plant.new_data()
+    for i, row in enumerate(run.y):
+        reference.qpos[:] = run.qpos[i]
+        reference.qvel[:], reference.act[:] = np.split(run.x[i, plant.model.nv :], [plant.model.nv])
         mujoco.mj_forward(plant.model, reference)
-        assert values == pytest.approx(measured(plant, reference), rel=0, abs=1e-13)
+        expected = plant.output_readings.values(reference)
+        np.testing.assert_allclose(row, expected, rtol=0, atol=1e-13)
+        values = dict(zip(plant.outputs.names, row.tolist(), strict=True))
         assert_consistent(values, start)
-    stepper.refresh()
-    np.testing.assert_allclose(stepper.sensors[columns], plant.measurement_readings.values(stepper.data), rtol=0, atol=1e-15)
 
 
 def test_small_angles_are_the_tangent_coordinates_of_a_free_body() -> None:
@@ -272,8 +272,4 @@ def test_what_is_no_output_is_answered_with_those_there_are(output: str, message
 def test_angles_of_a_diverging_run_do_no_harm() -> None:
     text = HINGE_PENDULUM.format(integrator="Euler", timestep=1e-3, limit=1e9).replace('damping="0.3"', 'damping="-900"')
     plant = Plant.from_xml(text, inputs=["torque"], outputs=["body:arm:yaw"], measurements=["body:arm:pitch", "body:arm:yaw"])
-    stepper = MujocoStepper(plant, np.array([0.1, 1.0]), {})
-    for _ in range(3000):
-        stepper.advance()
-    stepper.refresh()
-    assert stepper.failed()
+    assert "QACC" in stepped(plant, np.array([0.1, 1.0]), np.zeros((3000, 1)), timestep=1e-3).cause

@@ -66,10 +66,10 @@ NOT_DOORS = {
         "Metrics",
         "RunResult",
     ),
-    *("Signal", "SimulatedPlant", "LinearStepper", "LinearStageInput", "OutputFeedbackLaw", "AffineLaw", "DifferenceLaw"),
+    *("Signal", "SimulatedPlant", "LinearStepper", "OutputFeedbackLaw", "AffineLaw", "DifferenceLaw"),
     *("Instants", "Configuration", "Session", "InvtrackError", "DivergedError", "MissingError"),
     # protocols, aliases and what only its own tests make
-    *("Controller", "Law", "Observer", "PlanFollower", "Parameter", "StageInput", "Stepper", "Line", "Cell", "Rows"),
+    *("Controller", "Law", "Observer", "PlanFollower", "Parameter", "Stepper", "Line", "Cell", "Rows"),
     # of studies: made of functions, checked where the study runs
     *("Case", "Setup", "Study", "Table"),
 }

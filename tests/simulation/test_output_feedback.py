@@ -8,8 +8,12 @@ import numpy as np
 import pytest
 
 import invtrack
+from invtrack.channels import Channels
 from invtrack.errors import SimulationError
+from invtrack.linear.state_space import Measurement
+from invtrack.simulation.linear_plant import linear_plant
 from invtrack.simulation.simulated_plant import SensorChain
+from tests.simulation.reference_loop import stepped
 from tests.simulation.rigs import JUMPS, Rig, cantilever_rig
 
 POLES = (-2 + 2j, -2 - 2j, -1.5 + 1j, -1.5 - 1j, -1 + 0.5j, -1 - 0.5j)
@@ -131,13 +135,20 @@ def test_sensor_values_are_recorded_and_read_back(rig: Rig, tmp_path: Path) -> N
 
 
 def test_delay_interpolates_between_steps() -> None:
-    time = np.array([0.0, 0.1, 0.2, 0.3])
-    ideal = np.column_stack([time**1, 10 * time])
-    chain = SensorChain(["a", "b"], {"a": invtrack.Sensor(delay=0.15)}, seed=0)
-    columns = np.array([0, 1])
-    np.testing.assert_allclose(chain.sample(3, time, ideal, columns), [0.15, 3.0])
-    np.testing.assert_allclose(chain.sample(1, time, ideal, columns), [0.0, 1.0])
-    np.testing.assert_allclose(chain.sample(0, time, ideal, columns), [0.0, 0.0])
+    """Of x' = 1 from 0, a sensor that is 0.15 s late shows t - 0.15, and before the run began what it began with."""
+
+    class One:
+        estimate = np.zeros(1)
+
+        def update(self, index: int, measurement: np.ndarray) -> np.ndarray:
+            return np.ones(1)
+
+    one = Channels(["a"], ["m"])
+    plant = invtrack.StateSpace([[0.0]], [[1.0]], [[1.0]], measurement=Measurement([[1.0]], [[0.0]], one, np.zeros(1)))
+    simulated = linear_plant(invtrack.LinearPlant(plant))
+    sensors = SensorChain(["a"], {"a": invtrack.Sensor(delay=0.15)}, seed=0)
+    run = stepped(simulated, np.zeros(1), One(), steps=4, timestep=0.1, sensors=sensors)
+    np.testing.assert_allclose(run.measured[:, 0], [0.0, 0.0, 0.05, 0.15], atol=1e-15)
 
 
 def test_limits_of_a_linear_plant(rig: Rig) -> None:
