@@ -121,7 +121,8 @@ class MujocoStepper:
         memory.copy(inputs=plant.input_addresses, x0=self._x0, kept=plant.state_addresses)
         for name, which in (("early", early), ("late", late)):
             table, referred = readings_of(data, [self._readings[i] for i in which], which)
-            memory.put(**{name: table, f"n_{name}": len(table)})
+            memory.put(**{name: table})
+            memory.put(**{f"n_{name}": len(table)})
             memory.keep(**{f"{name}_references": referred})
         if self._watch is not None:
             watch = self._watch

@@ -1,17 +1,25 @@
-"""MuJoCo's global callbacks, confined to one model and one block."""
+"""MuJoCo's global callbacks, served by compiled code for the models that are registered, beside whatever else is installed."""
 
 from __future__ import annotations
 
 import copy
+import ctypes
+import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-from invtrack.plant.couplings import Callback, mujoco_callbacks
+from invtrack.errors import PlantError
 from invtrack.plant.linearize import linearize
-from tests.plant.mechanisms import FREE_BODY, LAGGED_SLIDER, cantilever
+from invtrack.plant.loading import model_path
+from invtrack.plant.mujoco_warnings import mujoco_warnings
+from invtrack.plant.native.layout import data_count, data_pointer
+from invtrack.plant.native.slots import CallbackSlots
+from invtrack.plant.plant import Plant
+from tests.plant.mechanisms import LAGGED_SLIDER, cantilever
 
 
 @pytest.fixture(autouse=True)
@@ -23,115 +31,125 @@ def _clean_callbacks() -> Iterator[None]:
     assert left == (None, None)
 
 
-def model_and_data(mjcf: str = LAGGED_SLIDER) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    model = mujoco.MjModel.from_xml_string(mjcf)
-    return model, mujoco.MjData(model)
+def two_disc() -> Plant:
+    return Plant.from_xml(model_path("two_disc"), inputs=["motor"], outputs=["disc2_angle"])
 
 
-def command(value: float) -> Callback:
-    def control(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        data.ctrl[:] = value
-
-    return control
-
-
-def pull(force: float) -> Callback:
-    def passive(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        data.qfrc_passive[0] += force
-
-    return passive
-
-
-def acceleration(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+def accelerations(model: mujoco.MjModel) -> np.ndarray:
+    """Of a model of the rig that turns, without torque."""
+    data = mujoco.MjData(model)
+    data.qvel[:] = 1.0, -2.0
     mujoco.mj_forward(model, data)
-    return float(data.qacc[0])
+    return np.array(data.qacc)
 
 
-def test_callbacks_act_inside_the_block_and_not_after_it() -> None:
-    model, data = model_and_data()
-    with mujoco_callbacks(model, control=command(2.0), passive=pull(5.0)):
-        assert acceleration(model, data) == pytest.approx(5 / 2)  # F = m a; the control passes through a lag
-        assert data.act_dot == pytest.approx([2.0 / 0.05])
-    data.ctrl[:] = 0
-    assert acceleration(model, data) == pytest.approx(0)
+def test_a_callback_of_the_user_goes_on_beside_the_couplings() -> None:
+    """Another model keeps the callback that was installed for it, also while compiled couplings act on ours."""
+    plant = two_disc()
+    model, other = plant.model_with(), mujoco.MjModel.from_xml_string(LAGGED_SLIDER)
+    with plant.forces(model):
+        coupled = accelerations(model)
+    calls: list[mujoco.MjModel] = []
+
+    def pull(called: mujoco.MjModel, data: mujoco.MjData) -> None:
+        calls.append(called)
+        data.qfrc_passive[0] += 5.0
+
+    mujoco.set_mjcb_passive(pull)
+    with plant.forces(model):
+        assert np.array_equal(accelerations(model), coupled)
+        data = mujoco.MjData(other)
+        mujoco.mj_forward(other, data)
+    assert data.qacc == pytest.approx([5 / 2])  # F = m a
+    assert mujoco.get_mjcb_passive() is pull
+    assert len(calls) == 1
+    mujoco.set_mjcb_passive(None)
 
 
-def test_passive_force_is_seen_in_every_stage_of_rk4() -> None:
-    """A force linear in velocity, given as a callback, moves the mass as the same damping in the file does."""
-    damped, reference = model_and_data()
-    by_callback, data = model_and_data()
-    by_callback.dof_damping[:] = 0
-
-    def damp(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        data.qfrc_passive -= 0.7 * data.qvel
-
-    reference.qvel[:] = data.qvel[:] = 1
-    with mujoco_callbacks(by_callback, passive=damp):
-        for model, each in ((damped, reference), (by_callback, data)):
-            mujoco.mj_step(model, each, 50)
-    assert data.qpos == pytest.approx(reference.qpos, abs=1e-14)
-
-
-def test_callbacks_are_cleared_after_an_exception_in_the_block() -> None:
-    model, _ = model_and_data()
-    with pytest.raises(KeyError, match="stop"), mujoco_callbacks(model, control=command(1.0), passive=pull(1.0)):
-        raise KeyError("stop")
-    assert (mujoco.get_mjcb_control(), mujoco.get_mjcb_passive()) == (None, None)
-
-
-def test_exception_inside_a_callback_reaches_the_caller() -> None:
-    model, data = model_and_data()
-
-    def broken(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        raise RuntimeError("controller failed")
-
-    with pytest.raises(RuntimeError, match="controller failed"), mujoco_callbacks(model, control=broken):
-        mujoco.mj_step(model, data)
-    assert mujoco.get_mjcb_control() is None
-
-
-def test_other_models_and_copies_do_not_see_the_callbacks() -> None:
-    model, _ = model_and_data()
-    others = copy.copy(model), model_and_data()[0], model_and_data(FREE_BODY)[0]
-    with mujoco_callbacks(model, passive=pull(5.0)):
-        for other in others:
-            assert acceleration(other, mujoco.MjData(other)) == pytest.approx(0)
-
-
-def test_interleaved_plants_each_see_their_own() -> None:
-    """Two models stepped in turn inside nested blocks move as each does alone."""
-
-    def alone(force: float) -> np.ndarray:
-        model, data = model_and_data()
-        with mujoco_callbacks(model, passive=pull(force)):
-            mujoco.mj_step(model, data, 20)
-        return np.array(data.qpos)
-
-    (first, first_data), (second, second_data) = model_and_data(), model_and_data()
-    with mujoco_callbacks(first, passive=pull(1.0)):
-        mujoco.mj_step(first, first_data, 10)
-        with mujoco_callbacks(second, passive=pull(-3.0)):
-            for _ in range(10):
-                mujoco.mj_step(second, second_data)
-                mujoco.mj_step(first, first_data)
-                mujoco.mj_step(second, second_data)
-    assert np.array_equal(first_data.qpos, alone(1.0))
-    assert np.array_equal(second_data.qpos, alone(-3.0))
-
-
-def test_inner_block_on_the_same_model_takes_over_and_gives_back() -> None:
-    model, data = model_and_data()
-    with mujoco_callbacks(model, passive=pull(2.0)):
-        with mujoco_callbacks(model, passive=pull(8.0)):
-            assert acceleration(model, data) == pytest.approx(4)
-        assert acceleration(model, data) == pytest.approx(1)
+def test_other_models_and_copies_do_not_feel_the_couplings() -> None:
+    plant = two_disc()
+    model = plant.model_with()
+    free = accelerations(model)
+    with plant.forces(model):
+        assert np.max(np.abs(accelerations(model) - free)) > 1e-3
+        assert np.array_equal(accelerations(copy.copy(model)), free)
+        assert np.array_equal(accelerations(plant.model), free)
 
 
 def test_plants_can_be_loaded_changed_and_linearized_inside_a_block() -> None:
-    model, data = model_and_data()
-    with mujoco_callbacks(model, control=command(1.0), passive=pull(4.0)):
-        plant = cantilever()
-        linear = linearize(plant, tip_mass=10.0)
-        assert plant.compiled_with({"tip_mass": 10.0}).nv == 3
-        assert acceleration(model, data) == pytest.approx(2)
-    assert np.array_equal(linear.A, linearize(plant, tip_mass=10.0).A)
+    plant = two_disc()
+    with plant.forces():
+        coupled = accelerations(plant.model)
+        other = cantilever()
+        linear = linearize(other, tip_mass=10.0)
+        assert other.compiled_with({"tip_mass": 10.0}).nv == 3
+        assert np.array_equal(accelerations(plant.model), coupled)
+    assert np.array_equal(linear.A, linearize(other, tip_mass=10.0).A)
+
+
+def test_blocks_may_end_in_any_order() -> None:
+    """As runs in threads do: the callback stays until the last of them has ended."""
+    plants = [two_disc() for _ in range(3)]
+    blocks = [plant.forces() for plant in plants]
+    expected = []
+    for plant, block in zip(plants, blocks, strict=True):
+        block.__enter__()
+        expected.append(accelerations(plant.model))
+    for number in (1, 0):
+        blocks[number].__exit__(None, None, None)
+    assert np.array_equal(accelerations(plants[2].model), expected[2])
+    assert not np.array_equal(accelerations(plants[0].model), expected[0])
+    blocks[2].__exit__(None, None, None)
+    assert mujoco.get_mjcb_passive() is None
+
+
+def test_more_blocks_than_there_are_slots_are_refused() -> None:
+    few = CallbackSlots("control", size=1)
+    with few.block(1, 1), pytest.raises(PlantError, match=r"1 runs and blocks .* no more are possible at a time"), few.block(2, 2):
+        pass
+    with few.block(3, 3):
+        pass
+
+
+def test_layout_of_mjdata_is_found_for_any_model(tmp_path: Path) -> None:
+    """Pointers and counts found on one model are those of another."""
+    floor = '<geom type="plane" size="1 1 1"/>'
+    ball = '<body pos="{} 0 0.09"><freejoint/><geom size="0.1"/></body>'
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{floor}{ball.format(0)}{ball.format(3)}</worldbody></mujoco>")
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert data.ncon == 2
+    for name in ("qvel", "qfrc_passive", "xpos", "xmat"):
+        assert number_at(data._address + data_pointer(name), np.int64) == getattr(data, name).ctypes.data
+    assert number_at(data._address + data_count("ncon"), np.int32) == 2
+    assert number_at(data._address + data_count("nl"), np.int32) == 0
+
+
+def number_at(address: int, dtype: type) -> int:
+    """The number of this type at an address."""
+    kind = {np.int64: ctypes.c_int64, np.int32: ctypes.c_int32}[dtype]
+    return int(kind.from_address(address).value)
+
+
+def test_warnings_go_to_the_block_of_the_thread_in_which_they_arise() -> None:
+    found: dict[str, list[str]] = {}
+    both = threading.Barrier(2)
+
+    def diverge(name: str, *, badly: bool) -> None:
+        model = mujoco.MjModel.from_xml_string(LAGGED_SLIDER)
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        data = mujoco.MjData(model)
+        with mujoco_warnings() as texts:
+            both.wait()
+            data.qvel[:] = np.nan if badly else 0.0
+            mujoco.mj_step(model, data)
+            both.wait()
+        found[name] = texts
+
+    threads = [threading.Thread(target=diverge, args=(name,), kwargs={"badly": name == "bad"}) for name in ("bad", "good")]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert found["good"] == []
+    assert any("QVEL" in text for text in found["bad"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -46,7 +46,7 @@ _forces_at, _couplings_at = records(_FORCES), records(_COUPLING)
 
 
 @compiled
-def _add_forces(forces, coupling, model: int, data: int) -> None:  # type: ignore[no-untyped-def]
+def _add_forces(forces: Any, coupling: Any, model: int, data: int) -> None:
     size, v, f = coupling.size, np.empty(coupling.size), np.zeros(coupling.size)
     qvel, force = floats(word(data + forces.qvel), forces.nv), floats(word(data + forces.force), forces.nv)
     K = matrix(coupling.K, size, size)

@@ -101,6 +101,6 @@ def _only(found: NDArray[np.intp], what: str) -> int:
 
 def _unknown(what: str) -> PlantError:
     return PlantError(
-        f"{what} was not found in the memory of MuJoCo {mujoco.__version__}, whose structs are laid out in a way that invtrack does "
-        "not know; use another version of mujoco"
+        f"{what} was not found in the memory of MuJoCo {mujoco.__version__}, whose structs are laid out in a way that invtrack "
+        "does not know; use another version of mujoco"
     )

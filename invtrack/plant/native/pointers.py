@@ -1,7 +1,8 @@
 """What compiled code needs to work on memory that it knows by address: views of arrays, calls of functions, symbols.
 
-Addresses are whole numbers, handed over at run time: so what numba compiles is the same in every process and is kept on disk. Compiled
-functions are looked up there by the file that they stand in. After an edit of one that others call, remove `__pycache__`.
+Addresses are whole numbers, handed over at run time: so what numba compiles is the same in every process and is kept on disk. It is
+looked up there by the file that the entry or callback stands in: after an edit of compiled code in another file remove the folders
+`__pycache__`.
 """
 
 from __future__ import annotations

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,7 +23,7 @@ _ENTRY, _DISTANCE, _ROTATION, _YAW, _PITCH, _ROLL = range(6)
 
 
 @compiled
-def value_of(reading) -> float:  # type: ignore[no-untyped-def]
+def value_of(reading: Any) -> float:
     """The reading's value now."""
     if reading.kind == _ENTRY:
         return floats(reading.first, 1)[0]  # type: ignore[no-any-return]
@@ -42,13 +43,13 @@ def value_of(reading) -> float:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _turned(reference, now, i, j):  # type: ignore[no-untyped-def]
+def _turned(reference: Any, now: Any, i: int, j: int) -> float:
     """Entry (i, j) of R0' R."""
-    return reference[i] * now[j] + reference[3 + i] * now[3 + j] + reference[6 + i] * now[6 + j]
+    return reference[i] * now[j] + reference[3 + i] * now[3 + j] + reference[6 + i] * now[6 + j]  # type: ignore[no-any-return]
 
 
 @compiled
-def read(readings, values) -> None:  # type: ignore[no-untyped-def]
+def read(readings: Any, values: Any) -> None:
     """Bring `values` up to date; angles go on from their last value, over any number of turns."""
     for i in range(readings.shape[0]):
         reading = readings[i]
@@ -60,9 +61,12 @@ def read(readings, values) -> None:  # type: ignore[no-untyped-def]
         values[reading.column] = value
 
 
-def readings_of(data: mujoco.MjData, readings: Sequence[Reading], columns: Sequence[int]) -> tuple[NDArray[np.void], list[object]]:
-    """The readings (k,) of one MjData as records, each with its column among the values, and what they refer to, to be kept alive."""
-    table, kept = np.zeros(len(readings), dtype=READING), []
+def readings_of(
+    data: mujoco.MjData, readings: Sequence[Reading], columns: Sequence[int]
+) -> tuple[NDArray[np.void], list[NDArray[np.float64]]]:
+    """The readings (k,) of one MjData as records, with their columns among the values, and what they refer to, to be kept alive."""
+    table = np.zeros(len(readings), dtype=READING)
+    kept: list[NDArray[np.float64]] = []
     for row, reading, column in zip(table, readings, columns, strict=True):
         row["column"], row["period"] = column, reading.period
         if isinstance(reading, Entry):

@@ -22,20 +22,21 @@ SLOTS = 1024
 """So many models, or data, may be registered at a time."""
 
 _C_CALLBACK = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+_C_FUNCTION: Any = _C_CALLBACK.__mro__[1]  # what every pointer to a C function is
 
 
 class CallbackSlots:
     """The models (or data) that one of MuJoCo's global callbacks serves.
 
-    kind: "control" or "passive". address: of the table in memory, the number of slots in use and then pairs of key and value, in
-    which compiled code looks (`invtrack.plant.native.pointers.registered`). Before the first block starts `serve` says which C
+    kind: "control" or "passive". size: how many at a time. address: of the table in memory, the number of slots in use and then
+    pairs of key and value, in which compiled code looks (`invtrack.plant.native.pointers.registered`). Before the first block starts `serve` says which C
     function is called; it is in place as long as any block lives.
     """
 
-    def __init__(self, kind: str) -> None:
+    def __init__(self, kind: str, size: int = SLOTS) -> None:
         self._get: Callable[[], Any] = getattr(mujoco, f"get_mjcb_{kind}")
         self._set: Callable[[Any], None] = getattr(mujoco, f"set_mjcb_{kind}")
-        self._slots = np.zeros(1 + 2 * SLOTS, dtype=np.int64)
+        self._slots = np.zeros(1 + 2 * size, dtype=np.int64)
         self.address = int(self._slots.ctypes.data)
         self._lock = threading.Lock()
         self._blocks = 0
@@ -62,11 +63,11 @@ class CallbackSlots:
 
     def _enter(self, key: int, value: int) -> int:
         with self._lock:
-            pairs = self._slots[1:].reshape(SLOTS, 2)
+            pairs = self._slots[1:].reshape(-1, 2)
             free = np.flatnonzero(pairs[:, 0] == 0)
             # After the latest in use, as long as there is room: of nested blocks for one model the inner one counts.
             used = int(self._slots[0])
-            slot = used if used < SLOTS else int(free[0]) if len(free) else -1
+            slot = used if used < len(pairs) else int(free[0]) if len(free) else -1
             if slot < 0:
                 raise PlantError(
                     f"{SLOTS} runs and blocks with forces are under way in this process, and no more are possible at a time"
@@ -82,7 +83,7 @@ class CallbackSlots:
 
     def _leave(self, slot: int) -> None:
         with self._lock:
-            pairs = self._slots[1:].reshape(SLOTS, 2)
+            pairs = self._slots[1:].reshape(-1, 2)
             pairs[slot] = 0
             in_use = np.flatnonzero(pairs[:, 0])
             self._slots[0] = in_use[-1] + 1 if len(in_use) else 0
@@ -99,7 +100,7 @@ class CallbackSlots:
             keys = slots[1 : 1 + 2 * int(slots[0]) : 2]
             if model._address in keys or data._address in keys:
                 function(model._address, data._address)
-            elif isinstance(other, ctypes._CFuncPtr):
+            elif isinstance(other, _C_FUNCTION):
                 other(model._address, data._address)
             else:
                 other(model, data)

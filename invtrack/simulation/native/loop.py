@@ -1,15 +1,16 @@
 """The loop that takes the steps of a run, compiled: everything that it works on is in the record of the run.
 
-One step: the state is written down; where an update is due, the law turns it (or what the sensors show) into an input; the plant takes
-the step; outputs and measurements at its start are written down.
+One step: the state is written down; where an update is due, the law turns it (or what the sensors show) into an input; the plant
+takes the step; outputs and measurements at its start are written down.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from invtrack.plant.native.pointers import (
-    address_in,
     call,
     callback,
     compiled,
@@ -38,7 +39,7 @@ _table = symbol("invtrack_control_slots", CONTROL.address)
 
 
 @entry
-def take_steps(runs, first: int, last: int) -> int:  # type: ignore[no-untyped-def]
+def take_steps(runs: Any, first: int, last: int) -> int:
     """Take the steps first, ..., last - 1; returns the number of the one that could not be taken, or `last`."""
     run = runs[0]
     update, first_step = integers(run.update, last), integers(run.first_step, 1 << 62)
@@ -80,14 +81,14 @@ def take_steps(runs, first: int, last: int) -> int:  # type: ignore[no-untyped-d
 
 
 @compiled
-def _enter(run) -> None:  # type: ignore[no-untyped-def]
+def _enter(run: Any) -> None:
     if run.linear == 0:
         floats(run.timestep, 1)[0] = floats(run.lengths, run.interval + 1)[run.interval]
         floats(run.time, 1)[0] = floats(run.edges, run.interval + 1)[run.interval]
 
 
 @compiled
-def _write_state(run, i: int) -> None:  # type: ignore[no-untyped-def]
+def _write_state(run: Any, i: int) -> None:
     row = run.raw + 8 * run.width * i
     if run.linear != 0:
         copy(floats(run.qpos, run.n), floats(row, run.n))
@@ -98,13 +99,13 @@ def _write_state(run, i: int) -> None:  # type: ignore[no-untyped-def]
 
 
 @entry
-def write_state(runs, i: int) -> None:  # type: ignore[no-untyped-def]
+def write_state(runs: Any, i: int) -> None:
     """Write the present state down as that of instant i."""
     _write_state(runs[0], i)
 
 
 @compiled
-def _deviation(run) -> None:  # type: ignore[no-untyped-def]
+def _deviation(run: Any) -> None:
     """x, the deviation of the present state from the operating point."""
     x = floats(run.x, run.n)
     if run.linear != 0:
@@ -126,7 +127,7 @@ def _deviation(run) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _send(run, u) -> None:  # type: ignore[no-untyped-def]
+def _send(run: Any, u: Any) -> None:
     """Hand the input to the actuators."""
     ctrl = floats(run.ctrl, 1 << 62)
     inputs = integers(run.inputs, run.p)
@@ -135,7 +136,7 @@ def _send(run, u) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _step(run) -> None:  # type: ignore[no-untyped-def]
+def _step(run: Any) -> None:
     """One step of the plant, with the values at its start."""
     if run.linear != 0:
         if run.at_stages != 0:
@@ -155,7 +156,7 @@ def _step(run) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _place(run) -> None:  # type: ignore[no-untyped-def]
+def _place(run: Any) -> None:
     """Bring places, and tendons where they are read, up to the state."""
     if run.kinematics != 0:
         call(run.kinematics, (run.model, run.data))
@@ -164,7 +165,7 @@ def _place(run) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def refresh(run) -> None:  # type: ignore[no-untyped-def]
+def refresh(run: Any) -> None:
     """Bring `values` up to the present state and input: after a step they are one step old."""
     values = floats(run.values, run.n_values)
     if run.linear != 0:
@@ -176,13 +177,13 @@ def refresh(run) -> None:  # type: ignore[no-untyped-def]
 
 
 @entry
-def refresh_all(runs) -> None:  # type: ignore[no-untyped-def]
+def refresh_all(runs: Any) -> None:
     """`refresh`, for the record of a run."""
     refresh(runs[0])
 
 
 @compiled
-def _sense(run) -> None:  # type: ignore[no-untyped-def]
+def _sense(run: Any) -> None:
     """together <- [x - rest, sat(u) - u0], and the values of a linear plant from it."""
     n, p, k = run.n, run.p, run.n_values
     case = integers(run.case, run.interval + 1)[run.interval]
@@ -201,7 +202,7 @@ def _sense(run) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _linear_step(run) -> None:  # type: ignore[no-untyped-def]
+def _linear_step(run: Any) -> None:
     """x <- rest + A_d (x - rest) + B_d (sat(u) - u0)."""
     _sense(run)
     n, p = run.n, run.p
@@ -215,7 +216,7 @@ def _linear_step(run) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _runge_kutta(run) -> None:  # type: ignore[no-untyped-def]
+def _runge_kutta(run: Any) -> None:
     """One step of RK4 of a linear plant, the law evaluated at each stage."""
     n, p = run.n, run.p
     case = integers(run.case, run.interval + 1)[run.interval]
@@ -247,7 +248,7 @@ def _runge_kutta(run) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _sample(run, i: int) -> None:  # type: ignore[no-untyped-def]
+def _sample(run: Any, i: int) -> None:
     """y, what the sensors show at instant i of the values seen so far.
 
     A late sensor shows an earlier value, interpolated between steps; before the run began, the first.
@@ -274,7 +275,7 @@ def _sample(run, i: int) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _input(run, instant: int) -> None:  # type: ignore[no-untyped-def]
+def _input(run: Any, instant: int) -> None:
     """u, by the law at an instant, from x or y."""
     if run.law == AFFINE:
         n, p = run.n, run.p
@@ -291,7 +292,7 @@ def _input(run, instant: int) -> None:  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _estimating_input(run, instant: int) -> None:  # type: ignore[no-untyped-def]
+def _estimating_input(run: Any, instant: int) -> None:
     """See `invtrack.control.output_feedback.OutputFeedbackLaw`."""
     n, p, q = run.n, run.p, run.n_measured
     design = integers(run.which, instant + 1)[instant]

@@ -21,19 +21,19 @@ RUN = np.dtype([(name, np.int64) for part in (_PLANT, _LINEAR, _SENSING, _LAW, _
 """The record of a run. A field is a number, a flag, or the address of an array or of a function; 0 where there is none.
 
 Plant (MuJoCo):
-    model, data: of this run alone. step, forward, kinematics, tendon, differentiate: MuJoCo's functions; the latter three only where
-    they are needed. nq, nv, na, n, p, width: sizes of MuJoCo's coordinates, of state, input and raw state. qpos, qvel, act, ctrl: live.
-    inputs (p,): addresses in ctrl. x0 (width,): operating point. kept (n,): where the states stand among the coordinates
+    model, data: of this run alone. step, forward, kinematics, tendon, differentiate: MuJoCo's functions; the latter three only
+    where they are needed. nq, nv, na, n, p, width: sizes of MuJoCo's coordinates, of state, input and raw state. qpos, qvel, act,
+    ctrl: live. inputs (p,): addresses in ctrl. x0 (width,): operating point. kept (n,): where the states stand among the coordinates
     (2 nv + na,). timestep, time: of model and data, live.
 Plant (linear, where `linear` is set), one row per distinct case:
-    case (intervals,). transitions (., n, n + p), sensor_rows (., k, n + p), rests (., n), u0 (., p), y0 (., k), A, B. low, high (p,).
-    together (n + p,), rates (4, n): room to work.
+    case (intervals,). transitions (., n, n + p), sensor_rows (., k, n + p), rests (., n), u0 (., p), y0 (., k), A, B. low, high
+    (p,). together (n + p,), rates (4, n): room to work.
 Sensing:
     values (k,): outputs and measurements now. early, late: readings before and after a step. note: called after a step with
     contacts or limits, which counts in mjData tell, or while `watching`.
 Law:
-    law: 0 affine, 1 with an estimator, 2 a call of `ask`. feedforward (m, p), gains (., p, n), which (m,). x (n,), u (p,): what it is
-    given and what it gives. The others: see `invtrack.control.output_feedback`.
+    law: 0 affine, 1 with an estimator, 2 a call of `ask`. feedforward (m, p), gains (., p, n), which (m,). x (n,): what it is
+    given; u (p,): what it gives. The others: see `invtrack.control.output_feedback`.
 Sensors:
     columns (q,) among the values; noise, digit, delay (q,). late_from (q,): where the search for a late value goes on. random: the
     next normal numbers. y (q,): what the controller sees. times (N + 1,).
@@ -41,8 +41,8 @@ Grid:
     update (N,): number of the update in force in each step; `latest` the one that was made last. first_step, lengths, edges: of the
     intervals; `interval` the present one. index, stage: of the step under way, where the law is evaluated at stages.
 Records:
-    raw (N + 1, width), seen (N + 1, k), commanded (N, p), measured (N, q), estimates (N, n). middle (p,): input in mid-step. stopped:
-    set by a call that failed.
+    raw (N + 1, width), seen (N + 1, k), commanded (N, p), measured (N, q), estimates (N, n). middle (p,): input in mid-step.
+    stopped: set by a call that failed.
 """
 
 
