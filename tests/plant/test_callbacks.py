@@ -104,10 +104,11 @@ def test_blocks_may_end_in_any_order() -> None:
 
 
 def test_more_blocks_than_there_are_slots_are_refused() -> None:
-    few = CallbackSlots("control", size=1)
-    with few.block(1, 1), pytest.raises(PlantError, match=r"1 runs and blocks .* no more are possible at a time"), few.block(2, 2):
+    few = CallbackSlots("control", size=2)
+    refused = pytest.raises(PlantError, match=r"2 runs and blocks .* no more are possible at a time")
+    with few.block(1, 1), few.block(2, 2), refused, few.block(3, 3):
         pass
-    with few.block(3, 3):
+    with few.block(3, 3), few.block(4, 4):
         pass
 
 

@@ -29,8 +29,8 @@ class CallbackSlots:
     """The models (or data) that one of MuJoCo's global callbacks serves.
 
     kind: "control" or "passive". size: how many at a time. address: of the table in memory, the number of slots in use and then
-    pairs of key and value, in which compiled code looks (`invtrack.plant.native.pointers.registered`). Before the first block starts `serve` says which C
-    function is called; it is in place as long as any block lives.
+    pairs of key and value, in which compiled code looks (`invtrack.plant.native.pointers.registered`). Before the first block
+    starts `serve` says which C function is called; it is in place as long as any block lives.
     """
 
     def __init__(self, kind: str, size: int = SLOTS) -> None:
@@ -70,7 +70,8 @@ class CallbackSlots:
             slot = used if used < len(pairs) else int(free[0]) if len(free) else -1
             if slot < 0:
                 raise PlantError(
-                    f"{SLOTS} runs and blocks with forces are under way in this process, and no more are possible at a time"
+                    f"{len(pairs)} runs and blocks with forces are under way in this process, and no more are possible at a time; "
+                    "wait for some to end, or use several processes"
                 )
             pairs[slot] = 0, value
             pairs[slot, 0] = key

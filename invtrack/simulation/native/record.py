@@ -23,8 +23,8 @@ RUN = np.dtype([(name, np.int64) for part in (_PLANT, _LINEAR, _SENSING, _LAW, _
 Plant (MuJoCo):
     model, data: of this run alone. step, forward, kinematics, tendon, differentiate: MuJoCo's functions; the latter three only
     where they are needed. nq, nv, na, n, p, width: sizes of MuJoCo's coordinates, of state, input and raw state. qpos, qvel, act,
-    ctrl: live. inputs (p,): addresses in ctrl. x0 (width,): operating point. kept (n,): where the states stand among the coordinates
-    (2 nv + na,). timestep, time: of model and data, live.
+    ctrl: live. inputs (p,): addresses in ctrl. x0 (width,): operating point. kept (n,): where the states stand among the
+    coordinates (2 nv + na,). timestep, time: of model and data, live.
 Plant (linear, where `linear` is set), one row per distinct case:
     case (intervals,). transitions (., n, n + p), sensor_rows (., k, n + p), rests (., n), u0 (., p), y0 (., k), A, B. low, high
     (p,). together (n + p,), rates (4, n): room to work.
