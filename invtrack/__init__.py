@@ -3,7 +3,7 @@
     plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
 
 Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `references`, `plans`, `inversion`,
-`redesign`, `regulation`, `control`, `simulation`, `results`, `recording`, `figures`, `studies`.
+`redesign`, `regulation`, `control`, `simulation`, `results`, `recording`, `figures`, `studies`, `sweeps`.
 
 Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, and the papers in it.
 """
@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
     from invtrack import results as results
     from invtrack import simulation as simulation
     from invtrack import studies as studies
+    from invtrack import sweeps as sweeps
     from invtrack.control import (
         ExosystemController,
         GainSchedule,
@@ -135,6 +136,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "recording": ("load_recording", "save_recording"),
     "figures": (),
     "studies": (),
+    "sweeps": (),
 }
 
 

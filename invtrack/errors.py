@@ -61,6 +61,10 @@ class SimulationError(InvtrackError, ValueError):
     """A simulation was asked for something it cannot do."""
 
 
+class SweepError(InvtrackError, ValueError):
+    """A sweep, its design or what its study returns is not usable as asked."""
+
+
 class FileError(InvtrackError, ValueError):
     """A file or folder cannot be read or written, or does not hold what it should."""
 

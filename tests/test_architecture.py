@@ -36,6 +36,7 @@ ROOMS: dict[str, set[str]] = {
     "recording": {"results", "mujoco", "rerun", "pyarrow"},
     "figures": {"results", "plans", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
     "studies": {"plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
+    "sweeps": {"results", "recording", "studies", "pyarrow", *THEORY},
 }
 EVERYWHERE = {"arguments", "arrays", "channels", "errors", "files", "layout", "numpy"}
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}

@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from typing import Any, TextIO
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.text import Text
 
 from invtrack.control.protocol import Controller
 from invtrack.errors import InvtrackError, LongRunWarning
@@ -47,7 +48,7 @@ class Session:
     def __init__(self, options: StudyOptions, *, console: Console | None = None) -> None:
         self._options = options
         self._console = console
-        self._report: Callable[[float], None] = _ignore
+        self._shown: Callable[[float], None] = _ignore
         self.runs: dict[str, RunResult] = {}
         self.numbers: dict[str, dict[str, Any]] = {}
         self.sections: dict[str, Any] = {}
@@ -102,7 +103,7 @@ class Session:
 
     def tried(self, plant: Plant | LinearPlant, controller: Controller, *, name: str, **settings: Any) -> RunResult:
         """The same, with a run that diverged returned as it is."""
-        given = {"timestep": self._options.timestep, "seed": self._options.seed, "progress": self._report, **settings}
+        given = {"timestep": self._options.timestep, "seed": self._options.seed, "progress": self.report, **settings}
         with self._heard(name):
             result = simulate(plant, controller, name=name, **given)
         for text in _limits_that_acted(result):
@@ -143,6 +144,10 @@ class Session:
         known.append(text)
         return True
 
+    def report(self, share: float) -> None:
+        """Show what share, from 0 to 1, of the activity that runs is done: the `progress` of a simulation or a sweep."""
+        self._shown(share)
+
     @contextmanager
     def activity(self, description: str) -> Iterator[None]:
         """Show this description and how far the simulations made meanwhile have come."""
@@ -150,15 +155,17 @@ class Session:
             yield
             return
         with progress(description, console=self._console) as report:
-            self._report = report
+            self._shown = report
             try:
                 yield
             finally:
-                self._report = _ignore
+                self._shown = _ignore
 
 
 @contextmanager
-def progress(description: str, *, console: Console | None = None) -> Iterator[Callable[[float], None]]:
+def progress(
+    description: str, *, total: int | None = None, unit: str = "", console: Console | None = None
+) -> Iterator[Callable[[float], None]]:
     """Show how far a piece of work has come; yields `report(fraction)`, fraction from 0 to 1.
 
         with progress("exact inversion") as report:
@@ -167,13 +174,21 @@ def progress(description: str, *, console: Console | None = None) -> Iterator[Ca
                 report((k + 1) / N)
 
     The bar goes to stderr, is erased at the end, and nothing is written where that is no terminal. Reports may come often: they are
-    passed on ten times a second. Work that makes no report shows the time that it has taken so far.
+    passed on ten times a second. Work that makes no report shows the time that it has taken so far. Where the work is a `total`
+    of pieces called `unit`, it shows how many of them are done, and how many in a second.
     """
     console = console or Console(file=sys.stderr)
     if not console.is_terminal:
         yield _ignore
         return
-    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    columns: list[ProgressColumn] = [
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    ]
+    if total is not None:
+        columns.insert(2, _PiecesColumn(total, unit))
     with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task(description, total=None)
         next_update = time.monotonic()
@@ -186,6 +201,18 @@ def progress(description: str, *, console: Console | None = None) -> Iterator[Ca
                 bar.update(task, total=1.0, completed=min(max(fraction, 0.0), 1.0))
 
         yield report
+
+
+class _PiecesColumn(ProgressColumn):
+    """How many pieces of the work are done, and how many a second."""
+
+    def __init__(self, total: int, unit: str) -> None:
+        super().__init__()
+        self._total, self._unit = total, unit
+
+    def render(self, task: Task) -> Text:
+        rate = "" if task.speed is None else f", {self._total * task.speed:.3g} {self._unit}/s"
+        return Text(f"{round(self._total * task.completed)} of {self._total} {self._unit}{rate}")
 
 
 def _limits_that_acted(result: RunResult) -> list[str]:

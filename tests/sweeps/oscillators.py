@@ -1,0 +1,104 @@
+"""A sweep of an oscillator whose stiffness is not what the plan assumes, seen through noise; also a program of its own.
+
+    python oscillators.py OUT [--on dask] [--killed-at PART] [--worker-dies MARKER]
+
+--killed-at: the process kills itself in the middle of writing this part. --worker-dies: the process that has point 5 dies of it,
+once; MARKER is the file by which it knows that it has done so.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+import invtrack
+from invtrack.sweeps import Design, Swept, latin_hypercube, sweep
+
+POINTS = 24
+ERROR_TIMES = np.linspace(-1.0, 7.0, 17)  # beyond both ends of the runs
+UNSTABLE = -1e9
+PERIOD = 0.02
+
+
+def oscillator(stiffness: float) -> invtrack.StateSpace:
+    return invtrack.StateSpace([[0.0, 1.0], [-stiffness, -0.4]], [[0.0], [1.0]], [[1.0, 0.0]], [[0.0]])
+
+
+def prepare() -> invtrack.Plan:
+    return invtrack.invert(oscillator(40.0), invtrack.rest_to_rest(0.0, 1.0, duration=1.0))
+
+
+def study(point: dict[str, Any], seed: int, plan: invtrack.Plan) -> invtrack.RunResult:
+    """One run with an observer; a gain of the wrong sign makes it diverge, a stiffness below zero is refused."""
+    marker = os.environ.get("WORKER_DIES")
+    if marker and point["number"] == 5 and not Path(marker).exists():
+        Path(marker).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    if point["stiffness"] < 0:
+        raise invtrack.InvtrackError(f"expected a stiffness above zero, got {point['stiffness']:g}")
+    gains = invtrack.GainSchedule((np.array([[point["gain"], point["gain"]]]),), np.zeros(0))
+    plant = invtrack.LinearPlant(oscillator(point["stiffness"]))
+    if point["gain"] < 0:
+        return invtrack.simulate(plant, invtrack.TrackingController(plan, gains), timestep=PERIOD, end=6.0, evaluate="stages")
+    observer = invtrack.KalmanFilter(input_noise=1.0, measurement_noise=1e-3)
+    controller = invtrack.OutputFeedbackController(plan, gains, observer, period=PERIOD)
+    sensors = {"y1": invtrack.Sensor(noise=1e-3)}
+    return invtrack.simulate(plant, controller, timestep=PERIOD, end=6.0, sensors=sensors, seed=seed)
+
+
+def design(points: int = POINTS) -> Design:
+    samples = latin_hypercube({"stiffness": stats.norm(40.0, 1.0), "gain": stats.uniform(0.0, 2.0)}, points)
+    rows = [{**point, "number": number} for number, point in enumerate(samples.points)]
+    rows[3]["gain"], rows[7]["stiffness"] = UNSTABLE, -1.0
+    return Design(rows, samples.seeds)
+
+
+def swept(out: Path, *, points: int = POINTS, **options: Any) -> Swept:
+    return sweep(study, design(points), out=out, prepare=prepare, error_times=ERROR_TIMES, **options)
+
+
+def _kill_at_part(number: int) -> None:
+    """Die as the draft of this part is half written."""
+    import invtrack.files
+
+    parts = 0
+
+    def replace(draft: Path, path: Path) -> None:
+        nonlocal parts
+        parts += 1
+        if parts == number:
+            os.truncate(draft, draft.stat().st_size // 2)
+            os.kill(os.getpid(), signal.SIGKILL)
+        rename(draft, path)
+
+    rename = os.replace
+    invtrack.files.os.replace = replace  # type: ignore[assignment]
+
+
+def main(out: Path, *words: str) -> None:
+    import invtrack.sweeps.sweep as running
+
+    running.SECONDS_BETWEEN_PARTS = 0.0
+    options = dict(zip(words[::2], words[1::2], strict=True))
+    if "--killed-at" in options:
+        _kill_at_part(int(options["--killed-at"]))
+    if "--worker-dies" in options:
+        os.environ["WORKER_DIES"] = options["--worker-dies"]
+    if options.get("--on") == "dask":
+        from distributed import Client, LocalCluster
+
+        with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+            done = swept(out, executor=client.get_executor(pure=False))
+    else:
+        done = swept(out, workers=2)
+    print(done.computed)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), *sys.argv[2:])
