@@ -9,7 +9,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from invtrack.arguments import by_name, items
 from invtrack.arrays import Array, shown, whole_number
@@ -124,6 +123,8 @@ def latin_hypercube(parameters: Mapping[str, Any], samples: int, *, seed: int = 
     Means of what is nearly additive in the parameters are then much closer with the same number of runs (McKay, Beckman, Conover,
     Technometrics 21, 1979). A longer design is another one.
     """
+    from scipy.stats import qmc  # takes half a second, which a worker of a cluster need not spend
+
     return _sampled(parameters, samples, lambda n, d: np.asarray(qmc.LatinHypercube(d, rng=_whole_seed(seed)).random(n)), seed)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import rankdata
 
 from invtrack.arrays import Array
 from invtrack.errors import SweepError
@@ -39,5 +38,7 @@ def rank_correlations(swept: Swept, number: str) -> dict[str, float]:
 
 
 def _centred_ranks(values: Array) -> Array:
+    from scipy.stats import rankdata  # takes half a second, which a worker of a cluster need not spend
+
     ranks: Array = rankdata(values)
     return ranks - np.mean(ranks)

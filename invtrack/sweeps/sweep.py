@@ -18,7 +18,6 @@ from invtrack.arrays import increasing_times, shown, whole_number
 from invtrack.errors import SweepError
 from invtrack.results import metrics
 from invtrack.results.result import RunResult
-from invtrack.studies.session import progress as progress_bar
 from invtrack.sweeps.dataset import Dataset
 from invtrack.sweeps.design import Design
 from invtrack.sweeps.fingerprint import study_hash
@@ -196,6 +195,8 @@ def _report(given: Callable[[float], None] | None, total: int, known: int) -> It
     if given is not None:
         yield given
         return
+    from invtrack.studies.session import progress as progress_bar  # loads matplotlib, which a worker does without
+
     text = f"sweep, {known} rows are there" if known else "sweep"
     with progress_bar(text, total=total, unit="runs") as report:
         yield report

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from invtrack.arguments import file_path, instance
 from invtrack.arrays import Array, whole_number
 from invtrack.errors import SweepError
-from invtrack.recording import save_recording
 from invtrack.results.result import RunResult
 from invtrack.sweeps.design import Design
 from invtrack.sweeps.procedure import Procedure
@@ -122,6 +121,8 @@ class Swept:
                     else "the study returns numbers in place of a RunResult"
                 )
                 raise SweepError(f"row {row.index} leaves no run to record; {why}")
+            from invtrack.recording import save_recording  # loads Rerun, which no other part of a sweep uses
+
             save_recording(run.thinned(every), target)
         return Replay(again, run, again.equals(row))
 

@@ -2,8 +2,8 @@
 
     python oscillators.py OUT [--on dask] [--killed-at PART] [--worker-dies MARKER]
 
---killed-at: the process kills itself in the middle of writing this part. --worker-dies: the process that has point 5 dies of it,
-once; MARKER is the file by which it knows that it has done so.
+--killed-at: the process kills itself in the middle of writing this part. --worker-dies: the process that has a certain late point
+dies of it, once; MARKER is the file by which it knows that it has done so.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 import invtrack
-from invtrack.sweeps import Design, Swept, latin_hypercube, sweep
+from invtrack.sweeps import Design, Swept, listed, sweep
 
-POINTS = 24
+POINTS = 16
 ERROR_TIMES = np.linspace(-1.0, 7.0, 17)  # beyond both ends of the runs
 UNSTABLE = -1e9
-PERIOD = 0.02
+PERIOD = 0.05  # [s]
+LATE = 14  # the point that a process dies of
 
 
 def oscillator(stiffness: float) -> invtrack.StateSpace:
@@ -37,7 +37,7 @@ def prepare() -> invtrack.Plan:
 def study(point: dict[str, Any], seed: int, plan: invtrack.Plan) -> invtrack.RunResult:
     """One run with an observer; a gain of the wrong sign makes it diverge, a stiffness below zero is refused."""
     marker = os.environ.get("WORKER_DIES")
-    if marker and point["number"] == 5 and not Path(marker).exists():
+    if marker and point["number"] == LATE and not Path(marker).exists():
         Path(marker).touch()
         os.kill(os.getpid(), signal.SIGKILL)
     if point["stiffness"] < 0:
@@ -53,10 +53,11 @@ def study(point: dict[str, Any], seed: int, plan: invtrack.Plan) -> invtrack.Run
 
 
 def design(points: int = POINTS) -> Design:
-    samples = latin_hypercube({"stiffness": stats.norm(40.0, 1.0), "gain": stats.uniform(0.0, 2.0)}, points)
-    rows = [{**point, "number": number} for number, point in enumerate(samples.points)]
+    """Stiffnesses and gains of a low-discrepancy sequence, one point that diverges and one that is refused."""
+    shares = (np.outer(np.arange(points), [0.7548776662, 0.5698402910]) + 0.5) % 1.0
+    rows = [{"number": i, "stiffness": 38.0 + 4.0 * a, "gain": 2.0 * b} for i, (a, b) in enumerate(shares.tolist())]
     rows[3]["gain"], rows[7]["stiffness"] = UNSTABLE, -1.0
-    return Design(rows, samples.seeds)
+    return listed(rows)
 
 
 def swept(out: Path, *, points: int = POINTS, **options: Any) -> Swept:
