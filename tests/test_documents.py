@@ -26,7 +26,8 @@ def sections(document: str) -> dict[str, list[str]]:
     return found
 
 
-GUIDE = [pytest.param(blocks, id=heading) for heading, blocks in sections("docs/guide.md").items()]
+DOCUMENTS = ("docs/guide.md", "docs/sweeps.md")
+GUIDE = [pytest.param(blocks, id=heading) for document in DOCUMENTS for heading, blocks in sections(document).items()]
 
 
 @pytest.mark.parametrize("blocks", GUIDE)

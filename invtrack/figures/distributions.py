@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import by_name, require_text
@@ -111,6 +112,7 @@ def tornado_figure(title: str, *, correlations: Mapping[str, float], samples: in
         axes.set_xlim(-1.15, 1.15)
         axes.set_xlabel(f"rank correlation (Spearman) with {quantity}, {count} runs")
         axes.grid(visible=False, axis="y")
+        axes.set_axisbelow(True)
         legend_below(figure, *axes.get_legend_handles_labels())
     return figure
 
@@ -138,6 +140,8 @@ def histogram_figure(title: str, *, values: ArrayLike, quantity: str, limit: flo
         figure = new_figure(title, width=7.0, height=3.4)
         axes = figure.subplots()
         edges = _edges(shown)
+        axes.set_axisbelow(True)
+        axes.yaxis.set_major_locator(MaxNLocator(integer=True))
         axes.hist(shown, bins=edges.tolist(), color=COLORS[0], alpha=0.75)
         if _is_logarithmic(shown):
             axes.set_xscale("log")

@@ -250,8 +250,19 @@ def test_rank_correlations_find_what_matters(tmp_path: Path) -> None:
     assert set(found) == {"a", "b", "c"}
     assert found["a"] > 0.98
     assert abs(found["c"]) < 0.4
+    with pytest.raises(SweepError, match="no parameter or number named 'd'"):
+        rank_correlations(done, "value", about={"d": 0.0})
     with pytest.raises(SweepError, match="'constant' is defined and not always the same, got 60 rows"):
         rank_correlations(done, "constant")
+
+
+def test_what_grows_both_ways_is_found_by_the_distance_from_what_is_assumed(tmp_path: Path) -> None:
+    offsets = np.random.default_rng(1).normal(size=80).tolist()
+    done = sweep(
+        lambda point, seed: {"value": (point["a"] - 3.0) ** 2}, listed([{"a": 3.0 + offset} for offset in offsets]), out=tmp_path
+    )
+    assert abs(rank_correlations(done, "value")["a"]) < 0.4
+    assert rank_correlations(done, "value", about={"a": 3.0})["a"] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
