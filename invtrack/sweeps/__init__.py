@@ -2,8 +2,8 @@
 
 from invtrack.sweeps.design import Design, grid, latin_hypercube, listed, monte_carlo
 from invtrack.sweeps.row import Row
+from invtrack.sweeps.running import sweep
 from invtrack.sweeps.sensitivity import rank_correlations
-from invtrack.sweeps.sweep import sweep
 from invtrack.sweeps.swept import Replay, Swept
 
 __all__ = [

@@ -40,7 +40,7 @@ class Design:
     def __post_init__(self) -> None:
         points = [_point(point) for point in items("points", self.points, expected="a list of points", error=SweepError)]
         seeds = [
-            whole_number("a seed", seed, error=SweepError)
+            whole_number("a seed", seed, highest=2**63 - 1, error=SweepError)
             for seed in items("seeds", self.seeds, expected="a list of whole numbers", error=SweepError)
         ]
         if not points:

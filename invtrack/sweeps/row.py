@@ -64,7 +64,7 @@ class Row:
             raise SweepError(f"expected parameters and numbers under names of their own, got {', '.join(twice)} twice")
         return cls(index, point, seed, outcome.status, outcome.reason, outcome.numbers, outcome.traces)
 
-    @property
+    @cached_property
     def key(self) -> str:
         """What tells the row from all others of its study: a digest of point and seed."""
         return key_of(self.point, self.seed)

@@ -93,6 +93,15 @@ def test_progress_shows_its_description_on_a_terminal() -> None:
     assert "inversion [1/2]" in stream.getvalue()
 
 
+def test_progress_in_pieces_shows_how_many_are_done_and_how_many_a_second() -> None:
+    stream = io.StringIO()
+    with progress("sweep", total=200, unit="runs", console=Console(file=stream, width=120, **TERMINAL)) as report:
+        report(0.25)
+        report(1.0)
+    assert "200 of 200 runs, " in stream.getvalue()
+    assert " runs/s" in stream.getvalue()
+
+
 def test_progress_lets_an_error_through() -> None:
     with pytest.raises(InvtrackError, match="diverged"), progress("run", console=Console(file=io.StringIO(), **TERMINAL)):
         raise InvtrackError("diverged")

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 import invtrack
-from invtrack.sweeps import Design, Swept, listed, sweep
+from invtrack import files
+from invtrack.sweeps import Design, Swept, listed, running, sweep
 
 POINTS = 16
 ERROR_TIMES = np.linspace(-1.0, 7.0, 17)  # beyond both ends of the runs
@@ -66,8 +67,6 @@ def swept(out: Path, *, points: int = POINTS, **options: Any) -> Swept:
 
 def _kill_at_part(number: int) -> None:
     """Die as the draft of this part is half written."""
-    import invtrack.files
-
     parts = 0
 
     def replace(draft: Path, path: Path) -> None:
@@ -79,12 +78,10 @@ def _kill_at_part(number: int) -> None:
         rename(draft, path)
 
     rename = os.replace
-    invtrack.files.os.replace = replace  # type: ignore[assignment]
+    files.os.replace = replace  # type: ignore[attr-defined, assignment]
 
 
 def main(out: Path, *words: str) -> None:
-    import invtrack.sweeps.sweep as running
-
     running.SECONDS_BETWEEN_PARTS = 0.0
     options = dict(zip(words[::2], words[1::2], strict=True))
     if "--killed-at" in options:

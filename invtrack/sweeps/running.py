@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -166,18 +166,24 @@ def _compute(
             kept.write()
             report(len(kept.rows))
     except BaseException as error:
-        running = [future for future in waiting if not future.cancel()]
+        running = {future: i for future, i in waiting.items() if not future.cancel()}
+        _keep_done(running, design, kept)
         if isinstance(pool, ThreadPoolExecutor):  # a thread cannot be stopped: what it computes meanwhile is kept
             wait(running)
-        for future in running:
-            if future.done() and not future.cancelled() and future.exception() is None:
-                i = waiting[future]
-                kept.add(Row.of(i, design.points[i], design.seeds[i], future.result()))
-        kept.write(now=True)
+            _keep_done(running, design, kept)
         error.add_note(
             f"the sweep keeps {len(kept.rows)} rows of this call in {kept.dataset.folder}; the same call goes on from there"
         )
         raise
+    kept.write(now=True)
+
+
+def _keep_done(running: dict[Future[Outcome], int], design: Design, kept: _Kept) -> None:
+    """Put what is done into a part file, and take it out of `running`."""
+    for future in [future for future in running if future.done()]:
+        i = running.pop(future)
+        if not future.cancelled() and future.exception() is None:
+            kept.add(Row.of(i, design.points[i], design.seeds[i], future.result()))
     kept.write(now=True)
 
 
@@ -204,4 +210,4 @@ def _report(given: Callable[[float], None] | None, total: int, known: int) -> It
 
 def _at(row: Row, index: int) -> Row:
     """The row at its place in this design."""
-    return row if row.index == index else Row(index, row.point, row.seed, row.status, row.reason, row.numbers, row.traces)
+    return row if row.index == index else replace(row, index=index)
