@@ -14,7 +14,6 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 import invtrack
 from invtrack.arrays import whole_number
@@ -30,14 +29,6 @@ MEASUREMENTS = ("base_position", "tip_position")
 KALMAN = invtrack.KalmanFilter(input_noise=0.02, measurement_noise=1e-3)  # [N per root Hz], [m]
 ERROR_TIMES = np.linspace(*SPAN, 401)  # [s]
 
-UNCERTAIN = {
-    "first_mass": stats.norm(MASSES[1], 0.01 * MASSES[1]),  # [kg]
-    "second_mass": stats.norm(MASSES[2], 0.01 * MASSES[2]),  # [kg]
-    "first_delay": stats.uniform(-0.01, 0.02),  # [s], of the instant, known or not
-    "second_delay": stats.uniform(-0.01, 0.02),  # [s]
-    "sensor_noise": stats.loguniform(1e-4, 1e-2),  # [m], standard deviation of one sample
-    "sensor_delay": stats.uniform(0.0, 2e-3),  # [s]
-}
 ASSUMED = {"first_mass": MASSES[1], "second_mass": MASSES[2], "first_delay": 0.0, "second_delay": 0.0}
 SHOWN = {"max_error": "m", "rms_error": "m", "residual_vibration": "m", "peak_input": "N"}
 
@@ -50,6 +41,20 @@ class MonteCarloOptions(StudyOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         whole_number("--runs", self.runs, lowest=3, error=invtrack.InvtrackError)
+
+
+def uncertain() -> dict[str, Any]:
+    """How everything that the plan does not know is distributed."""
+    from scipy import stats  # takes a second, for which the options need not wait
+
+    return {
+        "first_mass": stats.norm(MASSES[1], 0.01 * MASSES[1]),  # [kg]
+        "second_mass": stats.norm(MASSES[2], 0.01 * MASSES[2]),  # [kg]
+        "first_delay": stats.uniform(-0.01, 0.02),  # [s], of the instant, known or not
+        "second_delay": stats.uniform(-0.01, 0.02),  # [s]
+        "sensor_noise": stats.loguniform(1e-4, 1e-2),  # [m], standard deviation of one sample
+        "sensor_delay": stats.uniform(0.0, 2e-3),  # [s]
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,7 +119,7 @@ class MonteCarlo:
         options = self._options
         self._swept = swept = sweep(
             partial(run, timestep=options.timestep),
-            monte_carlo(UNCERTAIN, options.runs, seed=options.seed),
+            monte_carlo(uncertain(), options.runs, seed=options.seed),
             out=options.out / "sweep",
             prepare=partial(rig, options.timestep),
             numbers=numbers,

@@ -12,7 +12,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import matplotlib.figure
 import pytest
+import rich.console
 
 import invtrack
 
@@ -96,7 +98,10 @@ def public_members() -> Iterator[tuple[str, Any]]:
 
 def returned(function: Any) -> Iterator[type]:
     """The classes of this package in a function's return annotation, inside tuples, lists and unions too."""
-    waiting = [typing.get_type_hints(function).get("return")]
+    # Names of matplotlib and rich are known to type checkers alone: who imports the room does not load these.
+    waiting = [
+        typing.get_type_hints(function, localns={"Figure": matplotlib.figure.Figure, "Console": rich.console.Console}).get("return")
+    ]
     while waiting:
         annotation = waiting.pop()
         waiting.extend(typing.get_args(annotation))

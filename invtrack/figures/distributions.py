@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import by_name, require_text
@@ -14,6 +13,9 @@ from invtrack.arrays import Array, finite_number, increasing_times, real_numbers
 from invtrack.errors import InvtrackError
 from invtrack.figures.panels import values_of
 from invtrack.figures.style import COLORS, FAINT, INK, label, legend_below, new_figure, shared_style, write
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BANDS = (50.0, 90.0)  # share [%] of the runs that a band holds, in its middle
 BINS = 40
@@ -136,6 +138,8 @@ def histogram_figure(title: str, *, values: ArrayLike, quantity: str, limit: flo
     shown = given[np.isfinite(given)]
     if not len(shown):
         raise InvtrackError(f"expected at least one value of {quantity} to count, got {len(given)} that are not finite")
+    from matplotlib.ticker import MaxNLocator
+
     with shared_style():
         figure = new_figure(title, width=7.0, height=3.4)
         axes = figure.subplots()

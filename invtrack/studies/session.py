@@ -10,8 +10,7 @@ from contextlib import contextmanager
 from typing import Any, TextIO
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.text import Text
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from invtrack.control.protocol import Controller
 from invtrack.errors import InvtrackError, LongRunWarning
@@ -175,44 +174,31 @@ def progress(
 
     The bar goes to stderr, is erased at the end, and nothing is written where that is no terminal. Reports may come often: they are
     passed on ten times a second. Work that makes no report shows the time that it has taken so far. Where the work is a `total`
-    of pieces called `unit`, it shows how many of them are done, and how many in a second.
+    of pieces called `unit`, it shows how many of them are done, and how many a second since the first report.
     """
     console = console or Console(file=sys.stderr)
     if not console.is_terminal:
         yield _ignore
         return
-    columns: list[ProgressColumn] = [
-        TextColumn("{task.description}", markup=False),
-        BarColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    ]
-    if total is not None:
-        columns.insert(2, _PiecesColumn(total, unit))
-    with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(description, total=None)
-        next_update = time.monotonic()
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    pieces = TextColumn("{task.fields[pieces]}", markup=False)
+    with Progress(*columns, pieces, console=console, transient=True) as bar:
+        task = bar.add_task(description, total=None, pieces="")
+        next_update = began = time.monotonic()
+        first: float | None = None
 
         def report(fraction: float) -> None:
-            nonlocal next_update
+            nonlocal next_update, first
             now = time.monotonic()
+            first = fraction if first is None else first
             if now >= next_update or fraction >= 1:
                 next_update = now + SECONDS_BETWEEN_UPDATES
-                bar.update(task, total=1.0, completed=min(max(fraction, 0.0), 1.0))
+                done = "" if total is None else f"{round(fraction * total)} of {total} {unit}"
+                if total is not None and now > began and fraction > first:
+                    done += f", {total * (fraction - first) / (now - began):.3g} {unit}/s"
+                bar.update(task, total=1.0, completed=min(max(fraction, 0.0), 1.0), pieces=done)
 
         yield report
-
-
-class _PiecesColumn(ProgressColumn):
-    """How many pieces of the work are done, and how many a second."""
-
-    def __init__(self, total: int, unit: str) -> None:
-        super().__init__()
-        self._total, self._unit = total, unit
-
-    def render(self, task: Task) -> Text:
-        rate = "" if task.speed is None else f", {self._total * task.speed:.3g} {self._unit}/s"
-        return Text(f"{round(self._total * task.completed)} of {self._total} {self._unit}{rate}")
 
 
 def _limits_that_acted(result: RunResult) -> list[str]:

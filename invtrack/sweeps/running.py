@@ -9,7 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExec
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
@@ -18,12 +18,14 @@ from invtrack.arrays import increasing_times, shown, whole_number
 from invtrack.errors import SweepError
 from invtrack.results import metrics
 from invtrack.results.result import RunResult
-from invtrack.sweeps.dataset import Dataset
 from invtrack.sweeps.design import Design
 from invtrack.sweeps.fingerprint import study_hash
 from invtrack.sweeps.procedure import Procedure, Study
 from invtrack.sweeps.row import Outcome, Row, key_of
 from invtrack.sweeps.swept import Swept
+
+if TYPE_CHECKING:
+    from invtrack.sweeps.dataset import Dataset
 
 SECONDS_BETWEEN_PARTS = 1.0
 """Rows that come within this time of each other share a part file; a killed sweep computes no more than these again."""
@@ -82,6 +84,8 @@ def sweep(
 
     Raises SweepError for a study, design or option that is not usable as asked, FileError where rows cannot be kept.
     """
+    from invtrack.sweeps.dataset import Dataset  # loads pyarrow, which a worker of a cluster does without
+
     for name, function in (("study", study), ("numbers", numbers), *((("prepare", prepare),) if prepare is not None else ())):
         if not callable(function):
             raise SweepError(f"{name} must be a function, got {shown(function)}")
@@ -154,6 +158,7 @@ def _compute(
             kept.add(Row.of(i, design.points[i], design.seeds[i], outcome))
 
     try:
+        report(0)
         while True:
             for i in remaining:
                 waiting[pool.submit(procedure.outcome, design.points[i], design.seeds[i])] = i

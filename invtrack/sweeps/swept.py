@@ -101,11 +101,11 @@ class Swept:
         (length,) = lengths
         return np.array([np.full(length, np.nan) if values is None else values for values in found])
 
-    def replay(self, row: Row | int, *, recording: str | Path | None = None, every: int = 10) -> Replay:
+    def replay(self, row: Row | int, *, recording: str | Path | None = None) -> Replay:
         """Run one row again alone: `row`, or the one at this index.
 
-        recording: where the run is recorded, with every `every`-th sample. On the machine that computed it the outcome is the row's
-        bit for bit; on others it may differ by rounding. Raises SweepError where there is no such row, or where there is to be a
+        recording: where the run is recorded. On the machine that computed it the outcome is the row's bit for bit; on others it may
+        differ by rounding. Raises SweepError where there is no such row, or where there is to be a
         recording but no run.
         """
         if not isinstance(row, Row):
@@ -123,7 +123,7 @@ class Swept:
                 raise SweepError(f"row {row.index} leaves no run to record; {why}")
             from invtrack.recording import save_recording  # loads Rerun, which no other part of a sweep uses
 
-            save_recording(run.thinned(every), target)
+            save_recording(run, target)
         return Replay(again, run, again.equals(row))
 
 
