@@ -135,8 +135,8 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "results": ("RunResult", "max_error", "metrics", "residual_vibration"),
     "recording": ("load_recording", "save_recording"),
     "figures": (),
-    "studies": (),
     "sweeps": (),
+    "studies": (),
 }
 
 

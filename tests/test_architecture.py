@@ -35,8 +35,8 @@ ROOMS: dict[str, set[str]] = {
     "simulation": {"linear", "plans", "control", "plant", "results", "mujoco", *THEORY},
     "recording": {"results", "mujoco", "rerun", "pyarrow"},
     "figures": {"results", "plans", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
-    "studies": {"plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
     "sweeps": {"results", "recording", "studies", "pyarrow", *THEORY},
+    "studies": {"plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
 }
 EVERYWHERE = {"arguments", "arrays", "channels", "errors", "files", "layout", "numpy"}
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}
