@@ -20,8 +20,8 @@ Value = float | int | str | bool
 OWN_COLUMNS = ("index", "key", "seed", "status", "reason", "digest", "study")
 """Columns that every row has, whose names no parameter and no number can take."""
 
-SEEDS = 2**31
-"""Seeds are below this: what every generator of random numbers takes."""
+LARGEST_SEED = 2**63 - 1
+"""What a column of whole numbers holds: with so many, no two of a million seeds that are drawn are likely to be the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Design:
     def __post_init__(self) -> None:
         points = [_point(point) for point in items("points", self.points, expected="a list of points", error=SweepError)]
         seeds = [
-            whole_number("a seed", seed, highest=2**63 - 1, error=SweepError)
+            whole_number("a seed", seed, highest=LARGEST_SEED, error=SweepError)
             for seed in items("seeds", self.seeds, expected="a list of whole numbers", error=SweepError)
         ]
         if not points:
@@ -181,8 +181,9 @@ def _whole_seed(seed: int) -> int:
 
 def _seeds(count: int, seed: int) -> list[int]:
     """A seed for each number from 0 to count - 1, the same ones for any count."""
-    root = _whole_seed(seed)
-    return [int(np.random.SeedSequence(root, spawn_key=(i,)).generate_state(1)[0]) % SEEDS for i in range(count)]
+    # A stream of its own, apart from that of the samples; raw bits are the same in every version of numpy.
+    bits = np.random.PCG64(np.random.SeedSequence(_whole_seed(seed), spawn_key=(1,))).random_raw(count)
+    return [int(drawn) & LARGEST_SEED for drawn in bits]
 
 
 def _point(point: object) -> dict[str, Any]:

@@ -63,6 +63,11 @@ def test_choices_are_equally_likely_and_discrete_distributions_give_whole_number
         assert stats.chisquare(counts).pvalue > 0.01
 
 
+def test_many_samples_of_few_choices_differ_in_their_seeds() -> None:
+    design = monte_carlo({"method": ["exact", "redesign"]}, 50_000)
+    assert len(set(design.seeds)) == 50_000
+
+
 def test_crossing_compares_on_the_same_samples_and_noise() -> None:
     samples = monte_carlo({"mass": stats.norm(100.0, 2.0)}, 3)
     design = samples.crossed_with({"method": ["exact", "redesign"]})
