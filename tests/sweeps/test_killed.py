@@ -20,14 +20,14 @@ CHECKOUT = Path(invtrack.__file__).parents[1]
 
 
 def run(out: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    """The program of its own, warnings being errors; whatever it started is gone when it is."""
+    """The program of its own, warnings being errors; whatever it started is gone when it is, also where it hangs."""
     command = [sys.executable, "-W", "error", str(PROGRAM), str(out), *words]
     environment = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment, start_new_session=True
     )
     try:
-        said, complained = process.communicate(timeout=120)
+        said, complained = process.communicate(timeout=300)
     finally:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
