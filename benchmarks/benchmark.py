@@ -83,10 +83,26 @@ def main(quick: bool = False, turns: int = 5) -> None:
     linearization(turns)
 
 
+SIMS = Path(__file__).parents[1] / "sims"
+STARTED = ("minimal.py", "cantilever_jumps.py", "two_disc_redesign.py")
+START = """import contextlib, io, runpy, sys
+sys.path.insert(0, {folder!r})
+sys.argv[:] = [{script!r}, "--help"]
+with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
+    runpy.run_path({script!r}, run_name="__main__")"""
+
+
 def imports(turns: int) -> None:
-    """Importing invtrack in a fresh interpreter, against importing the two libraries without which it can do nothing."""
+    """Importing invtrack and starting sims in a fresh interpreter, against importing the two libraries without which they can do
+    nothing. A sim has started when it has read its options: here it is asked for its help, which takes all of that and no work.
+    """
     used = "Plant, model_path, linearize, SwitchedSystem, rest_to_rest, invert, TrackingController, lqr, Change, simulate"
-    programs = {"import invtrack": "import invtrack", "the names of README's program": f"from invtrack import {used}"}
+    programs = {
+        "import invtrack": "import invtrack",
+        "the names of README's program": f"from invtrack import {used}",
+        "a study's names": "import invtrack.studies, invtrack.figures",
+        **{f"start of sims/{name}": START.format(folder=str(SIMS), script=str(SIMS / name)) for name in STARTED},
+    }
     rows: dict[str, dict[str, Cell]] = {}
     for name, program in programs.items():
         timing = compared([[seconds_of(program), seconds_of("import mujoco, scipy.linalg")] for _ in range(turns + 1)])

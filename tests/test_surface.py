@@ -20,7 +20,12 @@ import invtrack
 
 PACKAGE = Path(invtrack.__file__).parent
 ROOMS = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py") if path.stat().st_size)
-HEAVY = ("rerun", "matplotlib", "mujoco", "tyro", "rich", "clarabel", "scipy.signal", "scipy.optimize", "scipy.interpolate")
+SIMS = Path(__file__).parents[1] / "sims"
+LATE = (  # what takes long to load, and nobody waits for who has not come to use it
+    "rerun", "matplotlib", "numba", "pyarrow", "dask", "distributed",
+    "scipy.signal", "scipy.optimize", "scipy.interpolate", "scipy.sparse",
+)  # fmt: skip
+HEAVY = (*LATE, "mujoco", "clarabel", "tyro", "rich")
 
 
 def face(room: str) -> types.ModuleType:
@@ -55,6 +60,25 @@ print(end="" if invtrack.simulate(invtrack.LinearPlant(model), controller, times
 """
     assert not loaded_by(plan) & {"rerun", "matplotlib", "mujoco", "tyro", "rich", "clarabel", "scipy.signal"}
     assert not loaded_by(plan + run) & {"rerun", "matplotlib", "tyro", "rich", "scipy.signal"}
+
+
+def test_the_rooms_load_no_library_that_takes_long_before_it_is_used() -> None:
+    rooms = [f"invtrack.{room}" for room in ROOMS if room != "recording"]
+    assert not loaded_by(f"import {', '.join(rooms)}") & set(LATE)
+
+
+def test_a_study_reads_its_options_with_nothing_loaded_that_it_may_not_need() -> None:
+    program = f"""
+import contextlib, io, runpy, sys
+sys.path.insert(0, {str(SIMS)!r})
+sys.argv[1:] = ["--help"]
+for script in sorted(__import__("pathlib").Path({str(SIMS)!r}).glob("*.py")):
+    shown = io.StringIO()
+    with contextlib.redirect_stdout(shown), contextlib.suppress(SystemExit):
+        runpy.run_path(str(script), run_name="__main__")
+    assert "--timestep" in shown.getvalue(), script
+"""
+    assert not loaded_by(program) & set(LATE)
 
 
 def test_the_names_at_the_top_are_those_of_the_rooms() -> None:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from invtrack.arguments import by_name
 from invtrack.arrays import finite_number, require_duration
@@ -27,6 +26,10 @@ from invtrack.figures.style import (
     within,
 )
 from invtrack.results.result import RunResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 INCHES_PER_INPUT = 1.5
 INCHES_PER_MOMENT = 2.3

@@ -6,13 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.artist import Artist
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MultipleLocator
 
 from invtrack.arguments import by_name, flag, instance, items, require_text, texts
 from invtrack.arrays import Array, ComplexArray, complex_numbers, finite_number, real_vector
@@ -30,6 +26,11 @@ from invtrack.figures.style import (
     within,
 )
 from invtrack.plans.plan import Plan, Samples, require_plan
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Line = tuple[Array, Array]
 """Times (m,) [s] and values (m,)."""
@@ -298,6 +299,8 @@ def frequency_response_figure(
                 all_axes[1].semilogx(w, _phase(curve), **look)
         all_axes[0].set_ylabel(magnitude)
         if phase:
+            from matplotlib.ticker import MultipleLocator
+
             all_axes[1].set_ylabel("phase [degrees]")
             all_axes[1].yaxis.set_major_locator(MultipleLocator(_phase_step(all_axes[1])))
         all_axes[-1].set_xlabel("frequency [rad/s]")

@@ -1,4 +1,8 @@
-"""The look that all figures share, and the panels that they are made of."""
+"""The look that all figures share, and the panels that they are made of.
+
+This room loads matplotlib, which takes as long as everything else together, when a figure is drawn and not before: a study names
+its figures at its top, and reads its options and starts its first simulation without them.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +10,9 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import matplotlib
 import numpy as np
-from cycler import cycler
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from invtrack.arguments import file_path, instance
 from invtrack.arrays import Array
@@ -21,6 +20,10 @@ from invtrack.errors import InvtrackError
 from invtrack.figures.panels import window_of
 from invtrack.files import replaced_when_complete
 from invtrack.results.result import RunResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 DPI = 150
 PADDING = 0.06  # inches around each panel with its labels
@@ -39,7 +42,7 @@ _STYLE: dict[Any, Any] = {
     "axes.grid": True,
     "axes.labelcolor": INK,
     "axes.linewidth": 0.7,
-    "axes.prop_cycle": cycler(color=COLORS),
+    "axes.prop_cycle": f"cycler(color={list(COLORS)})",
     "axes.spines.right": False,
     "axes.spines.top": False,
     "axes.titlelocation": "left",
@@ -72,11 +75,16 @@ INCHES_PER_CHARACTER = 0.062
 
 def shared_style() -> AbstractContextManager[None]:
     """The context in which every figure is drawn; matplotlib's settings are as before outside it."""
+    import matplotlib
+
     return matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE})
 
 
 def new_figure(title: str, *, width: float = 8.0, height: float) -> Figure:
     """An empty figure of `width` x `height` inches whose panels keep clear of each other, of its title and of its edges."""
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
     figure = Figure(figsize=(width, height), layout=ConstrainedLayoutEngine(w_pad=PADDING, h_pad=PADDING))
     figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
     return figure
@@ -127,6 +135,8 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
 
     Raises InvtrackError for what is no figure, FileError where the file cannot be written.
     """
+    from matplotlib.figure import Figure
+
     instance("figure", figure, Figure, expected="a figure, such as tracking_figure(result)", error=InvtrackError)
     target = file_path(path)
     with shared_style(), replaced_when_complete(target) as draft:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from invtrack.figures.style import (
     COLORS,
@@ -29,6 +28,10 @@ from invtrack.figures.style import (
 )
 from invtrack.results.inputs import actuation_time
 from invtrack.results.result import RunResult, Signal, require_run
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 INCHES_PER_PANEL = 1.7
 LEGEND_COLUMNS, LEGEND_INCHES, ENTRY_INCHES = (

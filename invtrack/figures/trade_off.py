@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatterSciNotation, LogLocator
 
 from invtrack.arguments import flag, require_text, texts
 from invtrack.arrays import Array, shown
 from invtrack.errors import InvtrackError
 from invtrack.figures.panels import panels_of, values_of
 from invtrack.figures.style import INK, legend_below, line_looks, new_figure, shared_style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Curves = Mapping[str, Sequence[float]]
 
@@ -68,6 +69,8 @@ def trade_off_figure(
         name: {**look, "marker": MARKERS[i % len(MARKERS)]}
         for i, (name, look) in enumerate(zip(names, line_looks(len(names)), strict=True))
     }
+    from matplotlib.ticker import LogFormatterSciNotation, LogLocator
+
     with shared_style():
         figure = new_figure(title, width=8.0, height=1.1 + INCHES_PER_PANEL * len(panels))
         all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg.lapack
-import scipy.sparse
-import scipy.sparse.csgraph
+import scipy.linalg.lapack  # and not scipy.sparse: scipy loads it at its first use
 
 from invtrack.arrays import Array, Indices
 

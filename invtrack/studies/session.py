@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from typing import Any, TextIO
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from invtrack.control.protocol import Controller
 from invtrack.errors import InvtrackError, LongRunWarning
@@ -180,6 +179,8 @@ def progress(
     if not console.is_terminal:
         yield _ignore
         return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
     columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
     pieces = TextColumn("{task.fields[pieces]}", markup=False)
     with Progress(*columns, pieces, console=console, transient=True) as bar:

@@ -32,8 +32,6 @@ from invtrack.control.protocol import Controller
 from invtrack.errors import InvtrackError
 from invtrack.figures.style import save_figure
 from invtrack.plant.plant import Plant
-from invtrack.recording import save_recording
-from invtrack.recording.samples import samples_path
 from invtrack.results import metrics
 from invtrack.results.result import RunResult
 from invtrack.simulation.linear_plant import LinearPlant
@@ -242,6 +240,9 @@ class _Run:
             raise InvtrackError(f"case {case.name!r} was to be refused with a {case.refused_by.__name__}, but it was planned")
         result = self.session.tried(case.plant, controller, name=case.name, **case.settings)
         if case.recorded:
+            from invtrack.recording import save_recording  # loads Rerun, which no study waits for before it has run
+            from invtrack.recording.samples import samples_path
+
             recording = self.folder.file(f"{case.name}.rrd")
             self.folder.file(samples_path(recording).name)
             save_recording(result, recording, application=self.name)

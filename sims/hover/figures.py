@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from hover.aircraft import ATTITUDES, INPUTS, OUTPUTS, channel
-from matplotlib.figure import Figure
 
 import invtrack
 from invtrack.figures import Line, overlay_figure
 from invtrack.studies import Session
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SAMPLES = 8001
 BEFORE, AFTER = 8.0, 10.0  # [s] shown around the manoeuvre

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 from regulator import manoeuvre
 from regulator.rig import LONG
 
 import invtrack
 from invtrack.figures import Decay, around_figure, comparison_figure, decay_figure
 from invtrack.studies import Session
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BEFORE, AFTER = 10.0, 20.0  # [s] shown around the manoeuvre's start
 CLOSE_UPS = ("exact_map", "switched_francis", "switched_francis_from_exact_state")

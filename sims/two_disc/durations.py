@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from scipy.optimize import brentq
+import scipy  # loads scipy.optimize at its first use
 from two_disc.rig import (
     MARGIN,
     PROFILES,
@@ -97,7 +97,7 @@ def where_shares_occur(model: invtrack.StateSpace, published: Mapping[str, float
 
     result = {}
     for share in published:
-        duration = float(brentq(miss(share), 10.0, 60.0, xtol=1e-2))
+        duration = float(scipy.optimize.brentq(miss(share), 10.0, 60.0, xtol=1e-2))
         result[share] = {"duration": duration, **Plans.of(model, duration, "quintic").shares()}
     return result
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
 from two_disc.experiment import DRAWN
 from two_disc.rig import PROFILES, Q_TWIST, Q_Y, SHARES, SHOWN, TWIST_WEIGHT, Plans, R, slew, twist
 
 import invtrack
 from invtrack.figures import frequency_response_figure, overlay_figure, sweep_figure
 from invtrack.studies import Session
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SLEW_TEXT = f"{SHOWN[0]} of {SHOWN[1]:g} s"
 EXPERIMENT = ("experiment_exact", "experiment_redesigned")

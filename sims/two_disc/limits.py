@@ -10,10 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from two_disc.experiment import DRAWN, controller, real_rig
 from two_disc.rig import MARGIN, TOLERANCE, TWIST, clamped_steps, peak, run_settings, slew, twist
 
@@ -21,6 +20,9 @@ import invtrack
 from invtrack.figures import overlay_figure, tracking_figure
 from invtrack.redesign import ConstrainedTrajectory, outcome
 from invtrack.studies import Case, Column, Rows, Session, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PROFILE, DURATION = "quintic", 10.0  # [s]
 WEIGHTS = {"R": 1.0, "Q_y": 10.0}  # the twist has no weight: it has a limit

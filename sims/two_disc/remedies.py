@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
-from scipy.optimize import brentq
+import scipy  # loads scipy.optimize at its first use
 from two_disc.rig import Q_TWIST, Q_Y, SLEW, TWIST_WEIGHT, R
 
 import invtrack
 from invtrack.figures import trade_off_figure
 from invtrack.redesign import outcome
 from invtrack.studies import Column, Rows, Session, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 NEAR_AXIS = 0.5  # [1/s]: zeros this close to the axis are moved
 MOVED_TO = 2.0  # [1/s], the real part that the paper's helicopter gets
@@ -47,7 +49,7 @@ def redesign_with_error(
     def plan(exponent: float) -> invtrack.Plan:
         return invtrack.quadratic_redesign(model, reference, R=R, Q_y=10**exponent, tolerance=TOLERANCE)
 
-    exponent = float(brentq(lambda e: np.log(outcome(plan(e)).max_error / error), 0.0, 3.0, xtol=1e-3))
+    exponent = float(scipy.optimize.brentq(lambda e: np.log(outcome(plan(e)).max_error / error), 0.0, 3.0, xtol=1e-3))
     return plan(exponent), 10**exponent
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from matplotlib.figure import Figure
 from two_disc.rig import Q_TWIST, Q_Y, SHOWN, SLEW, TOLERANCE, TWIST, TWIST_WEIGHT, R, slew
 
 import invtrack
 from invtrack.figures import trade_off_figure
 from invtrack.studies import Column, Rows, Session, Table
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 # q_x, and the values of q_y: with the twist free far less weight on the output gives up as much of the motion.
 FAMILIES: dict[str, tuple[float, tuple[float, ...]]] = {

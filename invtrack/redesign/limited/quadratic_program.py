@@ -7,10 +7,8 @@ from dataclasses import dataclass
 
 import clarabel
 import numpy as np
-import scipy.sparse
-import scipy.sparse.linalg
+import scipy  # loads scipy.sparse at its first use
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from invtrack.arrays import Array, Indices
 from invtrack.errors import RedesignError
@@ -62,11 +60,11 @@ class QuadraticProgram:
         h: (limits,).
     """
 
-    P: csr_array
+    P: scipy.sparse.csr_array
     q: Array
-    E: csr_array
+    E: scipy.sparse.csr_array
     e: Array
-    G: csr_array
+    G: scipy.sparse.csr_array
     h: Array
 
     def solve(self) -> Minimum | None:
@@ -97,13 +95,15 @@ class QuadraticProgram:
     def _elastic(self, group: Indices) -> QuadraticProgram:
         """Minimise the sum of t over [z; t], as in `least_loosening`."""
         m, k, rows = len(self.q), int(np.max(group)) + 1, np.flatnonzero(group >= 0)
-        give = csr_array(scipy.sparse.coo_array((-np.ones(len(rows)), (rows, group[rows])), shape=(len(group), k)))
+        give = scipy.sparse.csr_array(scipy.sparse.coo_array((-np.ones(len(rows)), (rows, group[rows])), shape=(len(group), k)))
         return QuadraticProgram(
-            P=csr_array((m + k, m + k)),
+            P=scipy.sparse.csr_array((m + k, m + k)),
             q=np.concatenate([np.zeros(m), np.ones(k)]),
-            E=csr_array(scipy.sparse.hstack([self.E, csr_array((len(self.e), k))])),
+            E=scipy.sparse.csr_array(scipy.sparse.hstack([self.E, scipy.sparse.csr_array((len(self.e), k))])),
             e=self.e,
-            G=csr_array(scipy.sparse.block_array([[self.G, give], [csr_array((k, m)), -scipy.sparse.eye_array(k)]])),
+            G=scipy.sparse.csr_array(
+                scipy.sparse.block_array([[self.G, give], [scipy.sparse.csr_array((k, m)), -scipy.sparse.eye_array(k)]])
+            ),
             h=np.concatenate([self.h, np.zeros(k)]),
         )
 

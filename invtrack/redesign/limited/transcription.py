@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse
-from scipy.sparse import csr_array
+import scipy  # loads scipy.sparse at its first use
 
 from invtrack.arrays import Array, Indices
 from invtrack.linear.state_space import StateSpace
@@ -34,7 +33,7 @@ def entries_of(block: Array, rows: Indices, columns: Indices) -> Entries:
     )
 
 
-def sparse_sum(entries: Sequence[Entries], shape: tuple[int, int]) -> csr_array:
+def sparse_sum(entries: Sequence[Entries], shape: tuple[int, int]) -> scipy.sparse.csr_array:
     """The sum of all entries."""
     data, rows, columns = (np.concatenate([entry[k] for entry in entries]) for k in range(3))
     return scipy.sparse.csr_array(scipy.sparse.coo_array((data, (rows, columns)), shape=shape))
@@ -130,7 +129,7 @@ class Transcription:
         anchors = [grid.anchors[grid.kind == number, : len(step.miss)] for number, step in enumerate(grid.steps)]
         return float(sum(np.einsum("ki,ij,kj->", w, step.miss, w) for w, step in zip(anchors, grid.steps, strict=True)))
 
-    def limit_rows(self, points: PathPoints) -> tuple[csr_array, Array, Array, Indices, Array]:
+    def limit_rows(self, points: PathPoints) -> tuple[scipy.sparse.csr_array, Array, Array, Indices, Array]:
         """rows z between low and high, in units of each limit's size, the number of the bound behind each row, and its time [s]."""
         blocks: list[tuple[Array, Indices]] = []
         owner, times, lengths, rests = [], [], np.diff(self.grid.times), []
@@ -181,7 +180,7 @@ class Transcription:
         before, after = (replace(tail, v=v) for tail, v in zip(self.tails, (z[:n], z[n : 2 * n]), strict=True))
         return grouped(grid.times, grid.owner, segments, before, after)
 
-    def _cost(self) -> tuple[csr_array, Array]:
+    def _cost(self) -> tuple[scipy.sparse.csr_array, Array]:
         """P and q of z'P z / 2 + q'z, in plain units."""
         total, n = len(self.unit), self.n
         own = [np.arange(n)[None] + k * n for k in range(2)]
@@ -197,7 +196,7 @@ class Transcription:
             np.add.at(q, columns, 2 * w @ step.drive.T)
         return sparse_sum(entries, (total, total)), q
 
-    def _equations(self) -> tuple[csr_array, Array]:
+    def _equations(self) -> tuple[scipy.sparse.csr_array, Array]:
         """The plant's equations, and x and u continuous at the window's ends and, where the rate is limited, at jumps."""
         n, m, grid = self.n, self.m, self.grid
         steps = len(grid.kind)
@@ -224,7 +223,7 @@ class Transcription:
         e = np.concatenate(right)
         return sparse_sum(entries, (len(e), len(self.unit))), e
 
-    def _rows(self, values: Array, columns: Indices) -> csr_array:
+    def _rows(self, values: Array, columns: Indices) -> scipy.sparse.csr_array:
         row = np.broadcast_to(np.arange(len(columns))[:, None], columns.shape)
         return sparse_sum([(values.ravel(), row.ravel(), columns.ravel())], (len(columns), len(self.unit)))
 
