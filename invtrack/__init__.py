@@ -3,7 +3,7 @@
     plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
 
 Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `references`, `plans`, `inversion`,
-`redesign`, `regulation`, `control`, `simulation`, `results`, `recording`, `figures`, `studies`, `sweeps`.
+`redesign`, `regulation`, `control`, `simulation`, `results`, `recording`, `figures`, `studies`, `sweeps`, `testing`.
 
 Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, and the papers in it.
 """
@@ -13,7 +13,6 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
 
 if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
@@ -31,6 +30,8 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
     from invtrack import simulation as simulation
     from invtrack import studies as studies
     from invtrack import sweeps as sweeps
+    from invtrack import testing as testing
+    from invtrack.channels import Channels
     from invtrack.control import (
         ExosystemController,
         GainSchedule,
@@ -105,7 +106,8 @@ __all__ = [
     "trim",
 ]
 
-# A room is loaded when it, or a name of it, is first used (PEP 562): who plans waits for neither MuJoCo nor Rerun nor matplotlib.
+# A room is loaded when it, or a name of it, is first used (PEP 562): who plans waits for neither MuJoCo nor Rerun nor matplotlib,
+# and pytest, which imports the plugin in `invtrack.testing` wherever this package is installed, not even for NumPy.
 _ROOMS: dict[str, tuple[str, ...]] = {
     "plant": (
         "Change",
@@ -137,11 +139,13 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "figures": (),
     "sweeps": (),
     "studies": (),
+    "testing": (),
 }
+_FILES: dict[str, tuple[str, ...]] = {"channels": ("Channels",)}
 
 
 def __getattr__(name: str) -> Any:
-    for room, names in _ROOMS.items():
+    for room, names in {**_ROOMS, **_FILES}.items():
         if name == room or name in names:
             module = importlib.import_module(f"{__name__}.{room}")
             globals()[name] = value = module if name == room else getattr(module, name)

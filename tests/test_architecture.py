@@ -37,6 +37,19 @@ ROOMS: dict[str, set[str]] = {
     "figures": {"results", "plans", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
     "sweeps": {"results", "recording", "studies", "pyarrow", *THEORY},
     "studies": {"plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
+    "testing": {
+        "linear",
+        "references",
+        "plans",
+        "control",
+        "plant",
+        "results",
+        "simulation",
+        "recording",
+        "figures",
+        "mujoco",
+        "pytest",
+    },
 }
 EVERYWHERE = {"arguments", "arrays", "channels", "errors", "files", "layout", "numpy"}
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}

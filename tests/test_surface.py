@@ -22,10 +22,10 @@ PACKAGE = Path(invtrack.__file__).parent
 ROOMS = sorted(path.parent.name for path in PACKAGE.glob("*/__init__.py") if path.stat().st_size)
 SIMS = Path(__file__).parents[1] / "sims"
 LATE = (  # what takes long to load, and nobody waits for who has not come to use it
-    "rerun", "matplotlib", "numba", "pyarrow", "dask", "distributed",
+    "rerun", "matplotlib", "rich", "numba", "pyarrow", "dask", "distributed",
     "scipy.signal", "scipy.optimize", "scipy.interpolate", "scipy.sparse",
 )  # fmt: skip
-HEAVY = (*LATE, "mujoco", "clarabel", "tyro", "rich")
+HEAVY = (*LATE, "mujoco", "clarabel", "tyro")
 
 
 def face(room: str) -> types.ModuleType:

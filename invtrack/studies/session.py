@@ -7,9 +7,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, TextIO
-
-from rich.console import Console
+from typing import TYPE_CHECKING, Any, TextIO
 
 from invtrack.control.protocol import Controller
 from invtrack.errors import InvtrackError, LongRunWarning
@@ -19,6 +17,9 @@ from invtrack.simulation.closed_loop import simulate
 from invtrack.simulation.linear_plant import LinearPlant
 from invtrack.studies.options import StudyOptions
 from invtrack.studies.table import Rows
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 SECONDS_BETWEEN_UPDATES = 0.1  # a report from every physics step would cost more than the step
 
@@ -175,6 +176,8 @@ def progress(
     passed on ten times a second. Work that makes no report shows the time that it has taken so far. Where the work is a `total`
     of pieces called `unit`, it shows how many of them are done, and how many a second since the first report.
     """
+    from rich.console import Console  # a study reads its options without it
+
     console = console or Console(file=sys.stderr)
     if not console.is_terminal:
         yield _ignore

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
-
-from rich.console import Console
-from rich.text import Text
+from typing import TYPE_CHECKING, Any
 
 from invtrack.arguments import by_name, instance, items, require_text
 from invtrack.errors import InvtrackError
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 Cell = float | int | str | None
 Rows = Mapping[str, Mapping[str, Any] | None]
@@ -67,6 +67,8 @@ def print_table(
     for case, row in by_name("rows", rows, expected="rows by the names of cases", error=InvtrackError).items():
         if row is not None:
             by_name(f"row {case!r}", row, expected="cells by the keys of columns", error=InvtrackError)
+    from rich.console import Console  # a study reads its options without it
+
     console = (
         Console() if console is None else instance("console", console, Console, expected="a rich Console", error=InvtrackError)
     )
@@ -104,6 +106,8 @@ def short_number(value: float) -> str:
 
 
 def _print_line(console: Console, line: str, style: str = "") -> None:
+    from rich.text import Text
+
     # As Text, because rich reads "[m]" in a plain string as markup; soft_wrap, because it would break or cut a long line.
     console.print(Text(line, style=style), soft_wrap=True)
 
