@@ -20,7 +20,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
         assert_tracks,
     )
     from invtrack.testing.factors import factor_cases
-    from invtrack.testing.oscillation import Mode, Oscillation, nearest_mode, oscillation
+    from invtrack.testing.ringing import Mode, Oscillation, nearest_mode, oscillation
     from invtrack.testing.run_cache import RunCache
 
 __all__ = [
@@ -49,7 +49,7 @@ _MODULES = {
         "assert_tracks",
     ),
     "factors": ("factor_cases",),
-    "oscillation": ("Mode", "Oscillation", "nearest_mode", "oscillation"),
+    "ringing": ("Mode", "Oscillation", "nearest_mode", "oscillation"),
     "run_cache": ("RunCache",),
 }
 

@@ -14,7 +14,10 @@ from invtrack.errors import InvtrackError
 from invtrack.results.measured import time_tolerance
 from invtrack.results.result import RunResult, require_run
 from invtrack.results.vibration import PERIODS, vibration_window
-from invtrack.testing.oscillation import Oscillation, oscillation
+from invtrack.testing.ringing import Oscillation, oscillation
+
+UNDAMPED = 1e-6
+"""A damping ratio smaller than this is zero to within what a run shows."""
 
 
 class RunAssertionError(AssertionError):
@@ -218,10 +221,12 @@ def _fail(
 def _ringing(found: Oscillation | None, channels: Channels, column: int) -> dict[str, str]:
     if found is None:
         return {"rings": "nothing: what is left after the manoeuvre does not oscillate"}
-    grows = " and grows" if found.damping < 0 else ""
+    damping = found.damping if abs(found.damping) > UNDAMPED else 0.0
+    grows = " and grows" if damping < 0 else ""
+    amplitude, share = _quantity(found.amplitude, channels, column), f"{100 * found.share:.0f} % of what the error varies"
     rings = (
-        f"at {found.frequency:.4g} Hz{grows}, damping ratio {found.damping:.2g}, amplitude "
-        f"{_quantity(found.amplitude, channels, column)} at t = {found.start:.6g} s, {100 * found.share:.2g} % of the error's variation"
+        f"at {found.frequency:.4g} Hz{grows}, damping ratio {damping:.2g}, amplitude {amplitude} at t = {found.start:.6g} s: "
+        f"{share}"
     )
-    states = ", ".join(f"{label}: {amplitude:.3g}" for label, amplitude in found.states)
+    states = ", ".join(f"{label}: {size:.3g}" for label, size in found.states)
     return {"rings": rings, "in states": states} if states else {"rings": rings}

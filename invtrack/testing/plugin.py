@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from invtrack.plans.plan import Plan
     from invtrack.results.result import RunResult
     from invtrack.testing.artifacts import Artifacts
-    from invtrack.testing.oscillation import Oscillation
+    from invtrack.testing.ringing import Oscillation
     from invtrack.testing.run_cache import RunCache
 
 KEEP = ("failure", "always", "never")
@@ -196,7 +196,7 @@ def _keep(
 
 def _mode(plan: Plan, rings: Oscillation) -> str:
     """The mode of the plan's model that rings, as far as its frequency tells."""
-    from invtrack.testing.oscillation import nearest_mode
+    from invtrack.testing.ringing import nearest_mode
 
     mode = nearest_mode(plan.model.systems[-1], rings.frequency)
     if mode is None:

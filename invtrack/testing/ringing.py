@@ -27,7 +27,9 @@ MOST_COMPONENTS = 16
 FASTEST = 0.5 * np.pi
 """Largest angle [rad] from one sample to the next that a level answers for: four samples a period. Finer levels have the rest."""
 
-LARGEST_GROWTH = 1e3
+LARGEST_GROWTH, GONE = 1e3, 1e-6
+"""What a component may grow over a window, and what it must leave from one sample to the next, to be more than noise."""
+
 OVERDAMPED = 0.7
 """Damping ratio from which on nobody would call it ringing."""
 
@@ -164,7 +166,7 @@ def _components(signals: Array, step: float) -> list[_Component]:
     rank = min(int(np.sum(strength > NOISE * strength[0])), MOST_COMPONENTS)
     space = rows[:rank].T
     shifts = np.linalg.eigvals(np.linalg.lstsq(space[:-1], space[1:], rcond=None)[0])
-    shifts = shifts[(np.abs(shifts) > 0) & (np.abs(shifts) ** count < LARGEST_GROWTH)]
+    shifts = shifts[(np.abs(shifts) > GONE) & (np.abs(shifts) ** count < LARGEST_GROWTH)]
     if not len(shifts):
         return []
     powers = shifts[np.newaxis] ** np.arange(count)[:, np.newaxis]
@@ -172,8 +174,11 @@ def _components(signals: Array, step: float) -> list[_Component]:
     variation = float(np.std(error))
     found = []
     for z, row, power in zip(shifts, amplitudes, powers.T, strict=True):
-        angle, s = float(np.angle(z)), complex(np.log(z) / step)
-        if 2 * np.pi * PERIODS <= angle * count and angle <= FASTEST and -s.real < OVERDAMPED * abs(s):
+        angle = float(np.angle(z))
+        if not 2 * np.pi * PERIODS / count <= angle <= FASTEST:
+            continue
+        s = complex(np.log(z) / step)
+        if -s.real < OVERDAMPED * abs(s):
             rms = float(np.sqrt(np.mean((2 * (row[0] * power).real) ** 2)))
             found.append(_Component(s, row, rms, rms / variation))
     return found
