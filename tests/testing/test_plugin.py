@@ -1,0 +1,191 @@
+"""The plugin in runs of pytest of its own: outcomes, messages, kept files, options, with and without xdist."""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import entry_points
+from pathlib import Path
+
+import pytest
+
+import invtrack
+from invtrack.testing import assert_residual_vibration
+
+INSTALLED = bool(entry_points(group="pytest11", name="invtrack"))
+
+FIXTURES = """
+import pytest
+import invtrack
+from arm import REFERENCE, arm, design
+from invtrack.testing import assert_peak_input, assert_residual_vibration, assert_settles, assert_tracks
+
+
+@pytest.fixture(scope="module")
+def run(invtrack_run, invtrack_factors):
+    return invtrack_run(arm(), design, reference=REFERENCE, factors=invtrack_factors, timestep=5e-3)
+"""
+
+TESTS = """
+SIMULATED = []
+
+
+@pytest.fixture(autouse=True)
+def counted(monkeypatch):
+    simulate = invtrack.simulate
+    monkeypatch.setattr("invtrack.testing.run_cache.simulate", lambda *a, **k: SIMULATED.append(k["name"]) or simulate(*a, **k))
+
+
+def test_settles(run):
+    assert_settles(run, within=0.2, after=0.5)
+
+
+def test_tracks(run):
+    assert_tracks(run, within=0.2)
+
+
+def test_does_not_settle(run):
+    assert_settles(run, within=1e-6, after=0.5)
+
+
+def test_another_assertion(run):
+    assert invtrack.max_error(run) < 1e-6
+
+
+@pytest.mark.invtrack_factors({"load": [1.5]})
+def test_heavy(run):
+    assert_settles(run, within=0.2, after=0.5)
+
+
+def test_asks_itself(invtrack_run):
+    run = invtrack_run(arm(), design, reference=REFERENCE, timestep=5e-3)
+    assert_peak_input(run, at_most=1e-3)
+
+
+def test_how_often():
+    assert SIMULATED == ["arm", "arm, load=x1.5"]
+"""
+
+
+@pytest.fixture
+def suite(pytester: pytest.Pytester) -> pytest.Pytester:
+    """A folder with the mechanism and a module of tests."""
+    pytester.makepyfile(arm=(Path(__file__).parent / "arm.py").read_text(), test_arm=FIXTURES + TESTS)
+    return pytester
+
+
+def pytest_run(suite: pytest.Pytester, *arguments: str) -> pytest.RunResult:
+    plugin = () if INSTALLED else ("-p", "invtrack.testing.plugin")
+    return suite.runpytest_subprocess("-p", "no:randomly", *plugin, *arguments)
+
+
+def kept(folder: Path) -> list[str]:
+    """Tests and endings of what is kept in a folder, without the digests in the names."""
+    return sorted(
+        re.sub(r"-[0-9a-f]{6}(?=/|\.)", "", path.relative_to(folder).as_posix()) for path in folder.rglob("*.*") if path.is_file()
+    )
+
+
+def test_one_run_serves_all_and_what_failed_is_kept_and_said(suite: pytest.Pytester) -> None:
+    result = pytest_run(suite)
+    result.assert_outcomes(passed=5, failed=3)
+    text = result.stdout.str()
+    assert re.search(r"E +invtrack.testing.assertions.RunAssertionError: run 'arm' of 'arm': body:load:x does not settle", text)
+    assert re.search(r"E +measured +\|y - y_d\| = \S+ m at t = \S+ s, \S+ s after the manoeuvre", text)
+    assert re.search(r"E +rings +at \S+ Hz", text)
+    assert re.search(
+        r"mode +nearest to \S+ Hz in the plan's model, without feedback: 1.743 Hz, damping ratio 0.0068, of flex \[m\]", text
+    )
+    assert not re.search(r"__tracebackhide__|raise RunAssertionError", text)
+    folder = suite.path / ".pytest_cache" / "d" / "invtrack"
+    assert kept(folder) == ["test_arm.py-test_does_not_settle/arm.png", "test_arm.py-test_does_not_settle/arm.rrd"]
+    (recording,) = folder.rglob("*.rrd")
+    (figure,) = folder.rglob("*.png")
+    assert text.count(f"recording  {recording}") == 3
+    assert text.count(f"figure     {figure}") == 3
+    assert re.search(rf"= runs kept \(invtrack\) =+\n{re.escape(str(recording))}\n{re.escape(str(figure))}\n=", text)
+    assert figure.read_bytes().startswith(b"\x89PNG")
+    assert invtrack.load_recording(recording)["arm"].output.channels.names == ("body:load:x",)
+
+
+def test_what_passes_again_leaves_nothing_behind(suite: pytest.Pytester) -> None:
+    pytest_run(suite, "-k", "test_does_not_settle")
+    folder = suite.path / ".pytest_cache" / "d" / "invtrack"
+    assert kept(folder)
+    suite.makepyfile(test_arm=(FIXTURES + TESTS).replace("within=1e-6", "within=0.2"))
+    pytest_run(suite, "-k", "test_does_not_settle").assert_outcomes(passed=1, deselected=7)
+    assert not kept(folder)
+
+
+def test_under_xdist_each_worker_keeps_its_own_and_all_is_said(suite: pytest.Pytester) -> None:
+    result = pytest_run(suite, "-n", "2", "--dist", "load", "--invtrack-artifacts", "artefacts", "-k", "not test_how_often")
+    result.assert_outcomes(passed=4, failed=3)
+    paths = kept(suite.path / "artefacts")
+    assert {path.partition("/")[0] for path in paths} <= {
+        f"test_arm.py-test_{name}" for name in ("does_not_settle", "another_assertion", "asks_itself")
+    }
+    assert 2 <= len(paths) <= 6
+    section = result.stdout.str().partition("runs kept (invtrack)")[2]
+    assert all(str(path) in section for path in (suite.path / "artefacts").rglob("*.rrd"))
+
+
+def test_all_are_kept_if_asked_for_with_a_place_from_the_ini_file(suite: pytest.Pytester) -> None:
+    suite.makeini("[pytest]\ninvtrack_keep = always\ninvtrack_artifacts = out/runs\n")
+    pytest_run(suite, "-k", "test_tracks or test_heavy").assert_outcomes(passed=3, deselected=5)
+    assert kept(suite.path / "out" / "runs") == [
+        "test_arm.py-test_heavy-load-x1.5/arm-load-x1.5.png", "test_arm.py-test_heavy-load-x1.5/arm-load-x1.5.rrd",
+        "test_arm.py-test_heavy-nominal/arm.png", "test_arm.py-test_heavy-nominal/arm.rrd",
+    ]  # fmt: skip
+
+
+def test_nothing_is_kept_if_that_is_asked_for(suite: pytest.Pytester) -> None:
+    result = pytest_run(suite, "--invtrack-keep=never", "--invtrack-artifacts", "out", "-k", "test_does_not_settle")
+    result.assert_outcomes(failed=1, deselected=7)
+    assert not (suite.path / "out").exists()
+    assert "runs kept" not in result.stdout.str()
+
+
+def test_what_cannot_be_written_is_said_and_breaks_nothing(suite: pytest.Pytester) -> None:
+    (suite.path / "file").write_text("no folder")
+    result = pytest_run(suite, "--invtrack-artifacts", "file", "-k", "test_does_not_settle")
+    result.assert_outcomes(failed=1, deselected=7)
+    result.stdout.re_match_lines([r"  recording  not kept: .*cannot write", r"  figure     not drawn: "], consecutive=True)
+
+
+def test_a_run_without_it_loads_nothing(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(
+        "import sys\ndef test():\n    assert not {'numpy', 'mujoco', 'rerun', 'matplotlib', 'scipy'} & set(sys.modules)\n"
+    )
+    result = pytest_run(pytester, "-p", "no:hypothesispytest", "-p", "no:xdist", "--invtrack-keep=always")
+    result.assert_outcomes(passed=1)
+    pytest_run(pytester, "--markers").stdout.fnmatch_lines(["@pytest.mark.invtrack_factors(factors, together=False): *"])
+
+
+@pytest.mark.parametrize(
+    ("test", "says"),
+    [
+        (
+            "@pytest.mark.invtrack_factors({'load': [1.1]})\ndef test(): pass",
+            r"asks for the fixture of that name; write for instance",
+        ),
+        ("@pytest.mark.invtrack_factors({'load': 1.1})\ndef test(invtrack_factors): pass", r"must be a list of factors such as"),
+        ("@pytest.mark.invtrack_factors()\ndef test(invtrack_factors): pass", r"missing 1 required positional argument"),
+    ],
+)
+def test_a_marker_that_says_nothing_is_an_error(test: str, says: str, pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(f"import pytest\n{test}\n")
+    result = pytest_run(pytester)
+    result.assert_outcomes(errors=1)
+    assert re.search(says, re.sub(r"\s+", " ", result.stdout.str()))
+
+
+def test_a_word_that_is_no_choice_is_a_usage_error(pytester: pytest.Pytester) -> None:
+    pytester.makeini("[pytest]\ninvtrack_keep = sometimes\n")
+    result = pytest_run(pytester)
+    assert result.ret == pytest.ExitCode.USAGE_ERROR
+    result.stderr.fnmatch_lines(["*invtrack_keep must be one of failure, always, never, got 'sometimes'"])
+
+
+def test_it_serves_this_projects_own_tests(invtrack_run: invtrack.testing.RunCache) -> None:
+    from tests.testing.arm import REFERENCE, arm, design
+
+    assert_residual_vibration(invtrack_run(arm(), design, reference=REFERENCE, timestep=5e-3), at_most=0.2)
