@@ -25,7 +25,7 @@ LATE = (  # what takes long to load, and nobody waits for who has not come to us
     "rerun", "matplotlib", "rich", "numba", "pyarrow", "dask", "distributed",
     "scipy.signal", "scipy.optimize", "scipy.interpolate", "scipy.sparse",
 )  # fmt: skip
-HEAVY = (*LATE, "mujoco", "clarabel", "tyro")
+HEAVY = (*LATE, "numpy", "scipy", "mujoco", "clarabel", "tyro")
 
 
 def face(room: str) -> types.ModuleType:
@@ -44,8 +44,8 @@ def loaded_by(program: str) -> set[str]:
     return set(finished.stdout.split())
 
 
-def test_importing_the_package_loads_no_library_that_takes_long() -> None:
-    assert loaded_by("import invtrack") == set()
+def test_importing_the_package_or_its_plugin_loads_no_library_that_takes_long() -> None:
+    assert loaded_by("import invtrack, invtrack.testing.plugin") == set()
 
 
 def test_planning_and_simulating_load_what_they_use_and_no_more() -> None:
@@ -82,8 +82,9 @@ for script in sorted(__import__("pathlib").Path({str(SIMS)!r}).glob("*.py")):
 
 
 def test_the_names_at_the_top_are_those_of_the_rooms() -> None:
-    promised = [name for names in invtrack._ROOMS.values() for name in names]
-    assert sorted([*promised, "Channels", "InvtrackError"]) == sorted(invtrack.__all__)
+    promised = [name for names in (*invtrack._ROOMS.values(), *invtrack._FILES.values()) for name in names]
+    assert sorted([*promised, "InvtrackError"]) == sorted(invtrack.__all__)
+    assert invtrack.Channels is importlib.import_module("invtrack.channels").Channels
     assert {path.parent.name for path in PACKAGE.glob("*/__init__.py")} == set(invtrack._ROOMS)
     for room, names in invtrack._ROOMS.items():
         assert getattr(invtrack, room) is face(room)

@@ -68,7 +68,7 @@ def assert_settles(run: RunResult, *, within: float, after: float = 0.0, output:
     last = int(np.flatnonzero(size[:, column] > limit)[-1])
     settled = "not settled when the run ends" if last == len(size) - 1 else f"settled from t = {run.time[last + 1]:.6g} s on"
     facts = {
-        "measured": f"|y - y_d| = {_quantity(worst, channels, column)} at {_when(run, time)}",
+        "measured": f"|y - y_d| = {_quantity(worst, channels, column)} at {_when(run, time)}{_planned(run, time, column)}",
         "limit": f"{_quantity(limit, channels, column)} from {delay:g} s after the manoeuvre on; {settled}",
     }
     _fail(run, f"{channels.names[column]} does not settle", facts, rings_in=column, start=start)
@@ -88,7 +88,7 @@ def assert_tracks(run: RunResult, *, within: float, output: str | None = None) -
         return
     channels = run.output.channels
     facts = {
-        "measured": f"largest |y - y_d| = {_quantity(worst, channels, column)} at {_when(run, time)}",
+        "measured": f"largest |y - y_d| = {_quantity(worst, channels, column)} at {_when(run, time)}{_planned(run, time, column)}",
         "limit": f"{_quantity(limit, channels, column)} over the whole run",
     }
     _fail(run, f"{channels.names[column]} does not follow the reference", facts, rings_in=column)
@@ -202,6 +202,15 @@ def _when(run: RunResult, time: float) -> str:
     if time < T_i:
         return f"{text}, {T_i - time:.4g} s before the manoeuvre"
     return f"{text}, {time - T_f:.4g} s after the manoeuvre" if time > T_f else f"{text}, in the manoeuvre"
+
+
+def _planned(run: RunResult, time: float, column: int) -> str:
+    """How much of the error at a time [s] is the plan's own, where that is worth saying."""
+    row = int(np.searchsorted(run.time, time))
+    planned = abs(float(run.planned_output.values[row, column] - run.reference.values[row, column]))
+    if planned <= 0.01 * abs(run.error[row, column]):
+        return ""
+    return f"; the plan itself is {_quantity(planned, run.output.channels, column)} off there"
 
 
 def _fail(

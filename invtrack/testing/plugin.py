@@ -104,13 +104,13 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         cases = factor_cases(*marker.args, **marker.kwargs)
     except (InvtrackError, TypeError) as error:
         pytest.fail(f"marker {FACTORS} of {metafunc.definition.nodeid}: {error}", pytrace=False)
-    metafunc.parametrize(FACTORS, list(cases.values()), ids=list(cases), scope="session")
+    metafunc.parametrize(FACTORS, list(cases.values()), ids=list(cases), indirect=True, scope="session")
 
 
 @pytest.fixture(scope="session", name=FACTORS)
-def _factors() -> dict[str, float]:
+def _factors(request: pytest.FixtureRequest) -> dict[str, float]:
     """By how much which parameters are off in this test, by their names: nothing, unless it is marked with `invtrack_factors`."""
-    return {}
+    return getattr(request, "param", {})
 
 
 @pytest.fixture(scope="session", name="invtrack_run")

@@ -126,11 +126,14 @@ def _even_signals(run: RunResult, column: int, start: float) -> tuple[Channels, 
     """The states looked at, and from `start` on the output's error and their deviations (n, 1 + k) at even steps [s]."""
     channels = run.state.channels
     states = channels.subset([name for name in channels.names if not _is_velocity(name, channels)])
-    wanted = np.nan_to_num(run.state_reference.values)  # a controller that wants no state lets its deviation be the state
     kept = [channels.index(name) for name in states.names]
-    signals = np.column_stack([run.error[:, column], (run.state.values - wanted)[:, kept]])
-    after = (run.time >= start - time_tolerance(run)) & np.all(np.isfinite(signals), axis=1)
-    time, signals = run.time[after], signals[after]
+    after = (run.time >= start - time_tolerance(run)) & np.all(np.isfinite(run.state.values), axis=1)
+    error, planned = run.error[after, column], (run.planned_output.values - run.reference.values)[after, column]
+    deviations, wanted = run.state.values[after][:, kept], run.state_reference.values[after][:, kept]
+    if np.any(np.isnan(wanted)) or (len(error) and np.std(planned) > np.std(error - planned)):
+        # No state is wanted, or the plan itself moves on: then it is the states that ring, not what they miss.
+        wanted = np.mean(deviations, axis=0)
+    time, signals = run.time[after], np.column_stack([error, deviations - wanted])
     if len(time) < LEAST_SAMPLES:
         return states, np.zeros((0, signals.shape[1])), 1.0
     count = len(time)

@@ -29,10 +29,12 @@ TESTS = """
 SIMULATED = []
 
 
-@pytest.fixture(autouse=True)
-def counted(monkeypatch):
+@pytest.fixture(scope="module", autouse=True)
+def counted():
     simulate = invtrack.simulate
-    monkeypatch.setattr("invtrack.testing.run_cache.simulate", lambda *a, **k: SIMULATED.append(k["name"]) or simulate(*a, **k))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("invtrack.testing.run_cache.simulate", lambda *a, **k: SIMULATED.append(k["name"]) or simulate(*a, **k))
+        yield
 
 
 def test_settles(run):
@@ -132,8 +134,8 @@ def test_all_are_kept_if_asked_for_with_a_place_from_the_ini_file(suite: pytest.
     suite.makeini("[pytest]\ninvtrack_keep = always\ninvtrack_artifacts = out/runs\n")
     pytest_run(suite, "-k", "test_tracks or test_heavy").assert_outcomes(passed=3, deselected=5)
     assert kept(suite.path / "out" / "runs") == [
-        "test_arm.py-test_heavy-load-x1.5/arm-load-x1.5.png", "test_arm.py-test_heavy-load-x1.5/arm-load-x1.5.rrd",
-        "test_arm.py-test_heavy-nominal/arm.png", "test_arm.py-test_heavy-nominal/arm.rrd",
+        "test_arm.py-test_heavy-load=x1.5/arm-load=x1.5.png", "test_arm.py-test_heavy-load=x1.5/arm-load=x1.5.rrd",
+        "test_arm.py-test_tracks/arm.png", "test_arm.py-test_tracks/arm.rrd",
     ]  # fmt: skip
 
 
@@ -160,22 +162,21 @@ def test_a_run_without_it_loads_nothing(pytester: pytest.Pytester) -> None:
     pytest_run(pytester, "--markers").stdout.fnmatch_lines(["@pytest.mark.invtrack_factors(factors, together=False): *"])
 
 
-@pytest.mark.parametrize(
-    ("test", "says"),
-    [
-        (
-            "@pytest.mark.invtrack_factors({'load': [1.1]})\ndef test(): pass",
-            r"asks for the fixture of that name; write for instance",
-        ),
-        ("@pytest.mark.invtrack_factors({'load': 1.1})\ndef test(invtrack_factors): pass", r"must be a list of factors such as"),
-        ("@pytest.mark.invtrack_factors()\ndef test(invtrack_factors): pass", r"missing 1 required positional argument"),
-    ],
-)
-def test_a_marker_that_says_nothing_is_an_error(test: str, says: str, pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(f"import pytest\n{test}\n")
+def test_a_marker_that_says_nothing_is_an_error(pytester: pytest.Pytester) -> None:
+    mark = "import pytest\n@pytest.mark.invtrack_factors"
+    pytester.makepyfile(
+        test_unused=f"{mark}({{'load': [1.1]}})\ndef test(): pass",
+        test_number=f"{mark}({{'load': 1.1}})\ndef test(invtrack_factors): pass",
+        test_empty=f"{mark}()\ndef test(invtrack_factors): pass",
+    )
     result = pytest_run(pytester)
-    result.assert_outcomes(errors=1)
-    assert re.search(says, re.sub(r"\s+", " ", result.stdout.str()))
+    result.assert_outcomes(errors=3)
+    text = re.sub(r"\s+", " ", result.stdout.str())
+    assert (
+        "test_unused.py::test is marked with invtrack_factors, but neither it nor a fixture of it asks for the fixture of" in text
+    )
+    assert "marker invtrack_factors of test_number.py::test: factors of 'load' must be a list of factors such as [0.9, 1.1]" in text
+    assert re.search("marker invtrack_factors of test_empty.py::test: .*missing 1 required positional argument: 'factors'", text)
 
 
 def test_a_word_that_is_no_choice_is_a_usage_error(pytester: pytest.Pytester) -> None:

@@ -21,9 +21,8 @@ def run_with(error: np.ndarray, time: np.ndarray) -> invtrack.RunResult:
     states = Channels(("tip", "base", "tip velocity"), ("m", "m", "m/s"))
     state = Signal(np.column_stack([error, -0.5 * error, np.gradient(error, time)]), states)
     zero = Signal(np.zeros_like(output.values), output.channels)
-    return replace(
-        run, time=time, output=output, reference=zero, state=state, state_reference=replace(state, values=0 * state.values)
-    )
+    at_rest = replace(state, values=np.zeros_like(state.values))
+    return replace(run, time=time, output=output, reference=zero, planned_output=zero, state=state, state_reference=at_rest)
 
 
 def decaying(time: np.ndarray, *, frequency: float, damping: float, amplitude: float, phase: float = 0.3) -> np.ndarray:
@@ -92,6 +91,14 @@ def test_from_a_later_start_on_the_amplitude_is_that_of_then() -> None:
     assert found is not None
     rate = 0.05 / np.sqrt(1 - 0.05**2) * 2 * np.pi * 2.0
     assert found.amplitude == pytest.approx(np.exp(-2.0 * rate), rel=1e-4)
+
+
+def test_where_the_plan_itself_rings_the_states_are_those_that_ring() -> None:
+    time = MANOEUVRE[1] + 1e-3 * np.arange(10_001)
+    run = run_with(decaying(time, frequency=2.0, damping=0.01, amplitude=1.0), time)
+    found = oscillation(replace(run, planned_output=run.output, state_reference=run.state), "y")
+    assert found is not None
+    assert dict(found.states) == pytest.approx({"tip [m]": 1.0, "base [m]": 0.5}, rel=2e-2)
 
 
 @pytest.mark.parametrize("shape", ["nothing", "offset", "decay", "ramp", "a few samples"])
