@@ -35,13 +35,18 @@ class Artifacts:
         test: a name of the test, such as pytest's node id.
         """
         if id(run) not in self._kept:  # the run is kept with it, so that no other one gets its identity
-            stem = self.folder / _file_name(test) / _file_name(run.name)
+            stem = self._of(test) / _file_name(run.name)
             self._kept[id(run)] = run, {RECORDING: _record(run, stem), FIGURE: _draw(run, stem)}
         return self._kept[id(run)][1]
 
+    def _of(self, test: str) -> Path:
+        """The folder of a test: called by its module and its name, and distinct by all of its node id."""
+        module, separator, name = test.partition("::")
+        return self.folder / _file_name(module.rpartition("/")[2] + separator + name, distinct=test)
+
     def discard(self, test: str) -> None:
         """Remove what an earlier session has kept for a test that now passes."""
-        folder = self.folder / _file_name(test)
+        folder = self._of(test)
         if not folder.is_dir():
             return
         for path in [*folder.glob("*.rrd"), *folder.glob("*.png")]:
@@ -76,8 +81,8 @@ def _shown(run: RunResult) -> tuple[float, float]:
     return max(float(run.time[0]), T_i - lasting), min(float(run.time[-1]), T_f + lasting)
 
 
-def _file_name(text: str) -> str:
-    """A name that files can have everywhere, distinct for distinct texts."""
-    plain = re.sub(r"[^A-Za-z0-9_.=+-]+", "-", text).strip("-.")[-LONGEST_NAME:]
-    digest = hashlib.blake2b(text.encode(), digest_size=3).hexdigest()
-    return plain if plain == text else f"{plain}-{digest}"
+def _file_name(text: str, *, distinct: str | None = None) -> str:
+    """A name that files can have everywhere, distinct for distinct texts, or for what else has to be told apart."""
+    plain = re.sub(r"[^A-Za-z0-9_.=+-]+", "-", text).strip("-.")[:LONGEST_NAME]
+    whole = text if distinct is None else distinct
+    return plain if plain == whole else f"{plain}-{hashlib.blake2b(whole.encode(), digest_size=3).hexdigest()}"

@@ -25,7 +25,7 @@ BEFORE_ALL = 1e9
 def factor_cases(factors: Mapping[str, Sequence[float]], *, together: bool = False) -> dict[str, dict[str, float]]:
     """Factors by the names of parameters for each case of a test, by a readable name of the case.
 
-    {"tip_mass": [0.9, 1.1]} makes "nominal", in which everything is as planned, "tip_mass=x0.9" and "tip_mass=x1.1". Parameters
+    {"tip_mass": [0.9, 1.1]} makes "nominal", in which everything is as planned, "tip_mass-x0.9" and "tip_mass-x1.1". Parameters
     are off one at a time; `together`, in all combinations, 1 for each of them included.
 
     Raises InvtrackError for factors that are not positive and finite, named twice, or no list of numbers.
@@ -47,8 +47,8 @@ def factor_cases(factors: Mapping[str, Sequence[float]], *, together: bool = Fal
 
 
 def case_name(factors: Mapping[str, float]) -> str:
-    """A case by its factors, "tip_mass=x0.9,arm_mass=x1.1"; "nominal" where there are none."""
-    return ",".join(f"{name}=x{value!r}" for name, value in factors.items()) or NOMINAL
+    """A case by its factors, "tip_mass-x0.9+arm_mass-x1.1", which pytest's -k takes; "nominal" where there are none."""
+    return "+".join(f"{name}-x{value!r}" for name, value in factors.items()) or NOMINAL
 
 
 def with_factors(

@@ -94,7 +94,7 @@ def oscillation(run: RunResult, output: str, *, start: float | None = None) -> O
         start=start,
         frequency=found.s.imag / (2 * np.pi),
         damping=-found.s.real / abs(found.s),
-        amplitude=2 * abs(found.amplitudes[0]),
+        amplitude=float(2 * abs(found.amplitudes[0])),
         share=min(found.share, 1.0),
         states=_taking_part(names, 2 * np.abs(found.amplitudes[1:])),
     )

@@ -10,6 +10,7 @@ import pytest
 
 import invtrack
 from invtrack.control.protocol import AffineLaw, Instants
+from invtrack.testing import RunAssertionError, RunCache, assert_residual_vibration, assert_tracks
 from tests.simulation.rigs import JUMPS, MASSES, Rig, cantilever_rig
 
 STEP = 1e-3
@@ -21,8 +22,8 @@ def rig() -> Rig:
 
 
 @pytest.fixture(scope="module")
-def run(rig: Rig) -> invtrack.RunResult:
-    return invtrack.simulate(rig.plant, rig.controller, timestep=STEP, name="inversion")
+def run(rig: Rig, invtrack_run: RunCache) -> invtrack.RunResult:
+    return invtrack_run(rig.plant, rig.controller, timestep=STEP, name="inversion")
 
 
 def short_run(rig: Rig, controller: invtrack.TrackingController | None = None, **options: object) -> invtrack.RunResult:
@@ -36,11 +37,11 @@ def test_from_rest_the_tip_follows_through_both_jumps(run: invtrack.RunResult) -
     assert run.status == "completed"
     assert not np.any(run.state.values[0])
     assert np.ptp(run.reference.values) == pytest.approx(2.0)
-    assert invtrack.max_error(run) <= 1e-6
+    assert_tracks(run, within=1e-6)
 
 
 def test_residual_vibration_against_an_inverse_that_ignores_the_jumps(rig: Rig, run: invtrack.RunResult) -> None:
-    assert invtrack.residual_vibration(run) <= 2e-6
+    assert_residual_vibration(run, at_most=2e-6)
     frozen = invtrack.invert(rig.model.systems[0], rig.reference)
     frozen_run = invtrack.simulate(
         rig.plant,
@@ -50,6 +51,19 @@ def test_residual_vibration_against_an_inverse_that_ignores_the_jumps(rig: Rig, 
         name="frozen_inversion",
     )
     assert invtrack.residual_vibration(frozen_run) > 1e5 * invtrack.residual_vibration(run)
+
+
+def test_with_another_payload_and_no_feedback_the_mode_of_the_loaded_mechanism_rings(rig: Rig, invtrack_run: RunCache) -> None:
+    settings = {"timestep": 4e-3, "start": -2.0, "end": 40.0, "initial_state": rig.plan(-2.0).x[0]}
+    off = invtrack_run(rig.plant, invtrack.TrackingController(rig.plan), factors={"tip_mass": 1.05}, **settings)
+    assert set(off.parameters["tip_mass"]) == {0.0, 105.0, 10.5}
+    with pytest.raises(RunAssertionError, match="tip_position vibrates on after the manoeuvre") as failure:
+        assert_residual_vibration(off, at_most=1e-3, duration=30.0)
+    rings = failure.value.oscillation
+    assert rings is not None
+    modes = np.linalg.eigvals(invtrack.linearize(rig.plant, tip_mass=10.5).A).imag
+    assert np.min(np.abs(2 * np.pi * rings.frequency / modes[modes > 0.1] - 1)) < 1e-3
+    assert rings.damping == pytest.approx(0.0, abs=1e-3)
 
 
 def test_the_feedback_has_nothing_to_do(rig: Rig, run: invtrack.RunResult) -> None:

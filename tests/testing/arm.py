@@ -14,7 +14,7 @@ ARM = """
       <joint name="base" type="slide" axis="1 0 0"/>
       <geom size="0.1" mass="1"/>
       <body name="load">
-        <joint name="flex" type="slide" axis="1 0 0" stiffness="{stiffness}" damping="0.05"/>
+        <joint name="flex" type="slide" axis="1 0 0" stiffness="{stiffness}" damping="0.5"/>
         <geom size="0.1" mass="{mass}"/>
       </body>
     </body>

@@ -90,7 +90,7 @@ def test_only_the_last_runs_are_kept() -> None:
 def test_factors_multiply_the_values_of_the_file_of_the_plan_and_of_a_schedule() -> None:
     runs, law = RunCache(), controller()
     heavy = runs(arm(), law, factors={"load": 1.2}, **SETTINGS)
-    assert heavy.name == "arm, load=x1.2"
+    assert heavy.name == "arm, load-x1.2"
     assert set(heavy.parameters["load"]) == {1.2 * 0.5}
     by_hand = invtrack.simulate(arm(mass=1.2 * 0.5), law, name=heavy.name, schedule=(), **SETTINGS)
     np.testing.assert_allclose(heavy.state.values, by_hand.state.values, rtol=1e-9, atol=1e-12)
@@ -113,13 +113,13 @@ def test_cases_are_one_at_a_time_or_in_all_combinations() -> None:
     off = {"load": [0.9, 1.1], "joint:flex:stiffness": [1.0, 2.0]}
     assert factor_cases(off) == {
         "nominal": {},
-        "load=x0.9": {"load": 0.9},
-        "load=x1.1": {"load": 1.1},
-        "joint:flex:stiffness=x2.0": {"joint:flex:stiffness": 2.0},
+        "load-x0.9": {"load": 0.9},
+        "load-x1.1": {"load": 1.1},
+        "joint:flex:stiffness-x2.0": {"joint:flex:stiffness": 2.0},
     }
     assert list(factor_cases(off, together=True)) == [
-        "nominal", "joint:flex:stiffness=x2.0", "load=x0.9", "load=x0.9,joint:flex:stiffness=x2.0",
-        "load=x1.1", "load=x1.1,joint:flex:stiffness=x2.0",
+        "nominal", "joint:flex:stiffness-x2.0", "load-x0.9", "load-x0.9+joint:flex:stiffness-x2.0",
+        "load-x1.1", "load-x1.1+joint:flex:stiffness-x2.0",
     ]  # fmt: skip
 
 
