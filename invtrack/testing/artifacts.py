@@ -6,6 +6,7 @@ import hashlib
 import re
 from pathlib import Path
 
+from invtrack.arguments import file_path
 from invtrack.errors import InvtrackError
 from invtrack.figures import save_figure, tracking_figure
 from invtrack.recording import save_recording
@@ -22,11 +23,11 @@ RECORDING, FIGURE = "recording", "figure"
 class Artifacts:
     """The folder in which tests keep recordings and figures, each test in a folder of its own: <folder>/<test>/<run>.rrd, .png.
 
-    A run that several tests share is kept once, in the folder of the first.
+    A run that several tests share is kept once, in the folder of the first. Raises FileError for what is no path.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: str | Path) -> None:
+        self.folder = file_path(folder)
         self._kept: dict[int, tuple[RunResult, dict[str, str]]] = {}
 
     def keep(self, run: RunResult, test: str) -> dict[str, str]:

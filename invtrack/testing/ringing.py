@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from invtrack.arrays import Array, ComplexArray
+from invtrack.arguments import instance
+from invtrack.arrays import Array, ComplexArray, finite_number
 from invtrack.channels import Channels
+from invtrack.errors import InvtrackError
 from invtrack.linear.state_space import StateSpace
 from invtrack.results.measured import time_tolerance
-from invtrack.results.result import RunResult
+from invtrack.results.result import RunResult, require_run
 
 SAMPLES = 300
 """Samples that one level of resolution looks at; those that it needs at least."""
@@ -81,10 +83,11 @@ def oscillation(run: RunResult, output: str, *, start: float | None = None) -> O
     window. The same sinusoid is then fitted to the states' deviations, which says which of them take part.
 
     Source: Roy and Kailath, ESPRIT: estimation of signal parameters via rotational invariance techniques, IEEE Trans. ASSP 37(7),
-    1989. Raises ChannelError for an output that does not exist.
+    1989. Raises ChannelError for an output that does not exist, InvtrackError for what is no run and no time.
     """
+    require_run(run)
     column = run.output.channels.index(output)
-    start = run.manoeuvre[1] if start is None else start
+    start = run.manoeuvre[1] if start is None else finite_number("start", start, unit="s", error=InvtrackError)
     names, signals, step = _even_signals(run, column, start)
     found = _strongest(signals, step)
     if found is None or found.share < LEAST_SHARE:
@@ -110,7 +113,14 @@ class Mode:
 
 
 def nearest_mode(model: StateSpace, frequency: float) -> Mode | None:
-    """The oscillatory mode of x' = A x whose frequency is nearest to this one [Hz], by its ratio; None where nothing oscillates."""
+    """The oscillatory mode of x' = A x whose frequency is nearest to this one [Hz], by its ratio; None where nothing oscillates.
+
+    Raises InvtrackError for what is no StateSpace, and a frequency that is not positive and finite.
+    """
+    instance("model", model, StateSpace, expected="an invtrack.StateSpace, such as linearize(plant)", error=InvtrackError)
+    frequency = finite_number("frequency", frequency, unit="Hz", error=InvtrackError)
+    if not frequency > 0:
+        raise InvtrackError(f"frequency must be positive [Hz], got {frequency}")
     values, vectors = np.linalg.eig(model.A)
     modes = np.flatnonzero(values.imag > 1e-6 * np.max(np.abs(values), initial=0.0))
     if not len(modes):

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from invtrack.arguments import by_name, instance
+from invtrack.arrays import whole_number
 from invtrack.control.protocol import Controller
 from invtrack.errors import SimulationError
 from invtrack.linear.state_space import StateSpace
@@ -43,7 +44,7 @@ class RunCache:
     reference, factors and options. Two fixtures that build equal plants and controllers therefore share a run, and a change of the
     model file, of a gain or of the reference makes a new one. Functions are the same only if they are the same object.
 
-    kept: how many runs stay in memory, those last asked for.
+    kept: how many runs stay in memory, those last asked for. Raises SimulationError unless that is at least 1.
 
         runs = RunCache()
         run = runs(plant, controller, timestep=1e-3)
@@ -52,7 +53,7 @@ class RunCache:
     """
 
     def __init__(self, kept: int = KEPT) -> None:
-        self.kept = kept
+        self.kept = whole_number("kept", kept, lowest=1, error=SimulationError)
         self.handed_out: list[RunResult] = []
         self._entries: OrderedDict[bytes, _Entry] = OrderedDict()
 

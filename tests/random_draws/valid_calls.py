@@ -30,6 +30,7 @@ from invtrack import (
     regulation,
     results,
     studies,
+    testing,
 )
 from tests.synthetic_runs import two_mode_run
 
@@ -47,6 +48,7 @@ ROOMS = (
     "results",
     "simulation",
     "studies",
+    "testing",
 )
 
 NOT_DOORS = {
@@ -69,6 +71,7 @@ NOT_DOORS = {
     *("Signal", "SimulatedPlant", "LinearStepper", "OutputFeedbackLaw", "AffineLaw", "DifferenceLaw"),
     *("Instants", "Configuration", "Session", "InvtrackError", "DivergedError", "MissingError"),
     # protocols, aliases and what only its own tests make
+    *("Mode", "Oscillation", "RunAssertionError"),
     *("Controller", "Law", "Observer", "PlanFollower", "Parameter", "Stepper", "Line", "Cell", "Rows"),
     # of studies: made of functions, checked where the study runs
     *("Case", "Setup", "Study", "Table"),
@@ -388,6 +391,19 @@ def _calls() -> dict[str, Call]:
         # results
         "max_error": call(invtrack.max_error, result=run, wanted="reference"),
         "rms_error": call(results.rms_error, result=run, wanted="reference"),
+        "assert_tracks": call(testing.assert_tracks, run=vibrating, within=1.0, output="tip_position"),
+        "assert_settles": call(testing.assert_settles, run=vibrating, within=1.0, after=1.0, output="tip_position"),
+        "assert_residual_vibration": call(
+            testing.assert_residual_vibration, run=vibrating, at_most=1.0, output="tip_position", periods=1.0, duration=1.0
+        ),
+        "assert_peak_input": call(testing.assert_peak_input, run=vibrating, at_most=1e3, input="base_force", commanded=True),
+        "oscillation": call(testing.oscillation, run=vibrating, output="tip_position", start=5.0),
+        "nearest_mode": call(
+            testing.nearest_mode, model=invtrack.StateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]]), frequency=1.0
+        ),
+        "factor_cases": call(testing.factor_cases, factors={"load": [0.9, 1.1]}, together=True),
+        "RunCache": call(testing.RunCache, kept=2),
+        "Artifacts": call(testing.Artifacts, folder="kept"),
         "residual_vibration": call(invtrack.residual_vibration, result=vibrating, periods=1.0, duration=1.0),
         "state_vibration": call(results.state_vibration, result=run, names=["x1"], periods=1.0, duration=1.0),
         "preactuation_time": call(results.preactuation_time, motion=plan, level=0.01),
