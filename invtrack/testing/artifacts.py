@@ -7,7 +7,6 @@ import re
 from pathlib import Path
 
 from invtrack.arguments import file_path
-from invtrack.errors import InvtrackError
 from invtrack.figures import save_figure, tracking_figure
 from invtrack.recording import save_recording
 from invtrack.results.result import RunResult
@@ -60,7 +59,7 @@ def _record(run: RunResult, stem: Path) -> str:
     path = stem.with_name(f"{stem.name}.rrd")
     try:
         save_recording(run.thinned(max(1, len(run.time) // MOST_SAMPLES)), path)
-    except InvtrackError as error:
+    except Exception as error:  # whatever it is, the report of the test that failed is not to be lost for it
         return f"not kept: {error}"
     return str(path)
 
@@ -70,7 +69,7 @@ def _draw(run: RunResult, stem: Path) -> str:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         save_figure(tracking_figure(run, window=_shown(run)), path)
-    except (InvtrackError, OSError) as error:
+    except Exception as error:
         return f"not drawn: {error}"
     return str(path)
 

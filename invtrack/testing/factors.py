@@ -77,7 +77,6 @@ def with_factors(
 
 
 def _scaled(change: Change, factors: Mapping[str, float]) -> Change:
-
     return Change(change.time, **{name: factors.get(name, 1.0) * value for name, value in change.parameters.items()})
 
 
@@ -95,7 +94,6 @@ def _with_parameter(plant: Plant, name: str) -> tuple[Plant, str]:
 
 
 def _factor(name: str, value: float) -> float:
-
     if not (value > 0 and math.isfinite(value)):
         raise InvtrackError(f"a factor of {name!r} must be positive and finite, got {value}")
     return float(value)

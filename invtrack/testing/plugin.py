@@ -6,6 +6,7 @@ for a run, and touches no report but those of tests that have one.
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 from collections.abc import Generator, Iterator
@@ -189,8 +190,9 @@ def _keep(
         plan = None if session.runs is None else session.runs.plan_of(run)
         if rings is not None and plan is not None:
             lines.append(f"  {'mode':<9}  {_mode(plan, rings)}")
-        item.user_properties += [(KEPT, path) for path in kept.values()]
-        report.user_properties += [(KEPT, path) for path in kept.values()]
+        paths = [(KEPT, path) for path in kept.values() if os.path.exists(path)]
+        item.user_properties += paths  # what the report of the teardown, and so JUnit XML, has
+        report.user_properties += paths
     report.sections.append((KEPT, "\n".join(lines)))
 
 

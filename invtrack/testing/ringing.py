@@ -89,6 +89,10 @@ def oscillation(run: RunResult, output: str, *, start: float | None = None) -> O
     column = run.output.channels.index(output)
     start = run.manoeuvre[1] if start is None else finite_number("start", start, unit="s", error=InvtrackError)
     names, signals, step = _even_signals(run, column, start)
+    size = float(np.max(np.abs(signals[:, 0]), initial=0.0))
+    if not size > 0:
+        return None
+    signals[:, 0] /= size  # squares of large errors would overflow, those of small ones vanish
     found = _strongest(signals, step)
     if found is None or found.share < LEAST_SHARE:
         return None
@@ -97,7 +101,7 @@ def oscillation(run: RunResult, output: str, *, start: float | None = None) -> O
         start=start,
         frequency=found.s.imag / (2 * np.pi),
         damping=-found.s.real / abs(found.s),
-        amplitude=float(2 * abs(found.amplitudes[0])),
+        amplitude=size * float(2 * abs(found.amplitudes[0])),
         share=min(found.share, 1.0),
         states=_taking_part(names, 2 * np.abs(found.amplitudes[1:])),
     )
@@ -140,7 +144,7 @@ def _even_signals(run: RunResult, column: int, start: float) -> tuple[Channels, 
     after = (run.time >= start - time_tolerance(run)) & np.all(np.isfinite(run.state.values), axis=1)
     error, planned = run.error[after, column], (run.planned_output.values - run.reference.values)[after, column]
     deviations, wanted = run.state.values[after][:, kept], run.state_reference.values[after][:, kept]
-    if np.any(np.isnan(wanted)) or (len(error) and np.std(planned) > np.std(error - planned)):
+    if np.any(np.isnan(wanted)) or (len(error) and np.ptp(planned) > np.ptp(error - planned)):
         # No state is wanted, or the plan itself moves on: then it is the states that ring, not what they miss.
         wanted = np.mean(deviations, axis=0)
     time, signals = run.time[after], np.column_stack([error, deviations - wanted])

@@ -51,7 +51,7 @@ def test_a_growing_one_has_negative_damping() -> None:
     assert (found.frequency, found.damping) == (pytest.approx(1.2, rel=1e-6), pytest.approx(-0.01, rel=1e-4))
 
 
-@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("unit", [1e-200, 1e-9, 1.0, 1e9, 1e200])
 def test_the_stronger_of_two_counts_beside_an_offset_a_drift_and_noise(unit: float) -> None:
     time = MANOEUVRE[1] + 2e-3 * np.arange(15_001)
     strong = decaying(time, frequency=0.8, damping=0.01, amplitude=1.0)
