@@ -13,14 +13,15 @@ from invtrack.results.result import RunResult
 from invtrack.results.vibration import vibration_window
 
 LONGEST_NAME = 80
-MOST_SAMPLES = 20_000
-"""A recording keeps every so many samples that it has about as many as this: enough to look at."""
 
 RECORDING, FIGURE = "recording", "figure"
 
+KINDS = ".rrd", ".parquet", ".png"
+"""What the files end in: a recording is two of them."""
+
 
 class Artifacts:
-    """The folder in which tests keep recordings and figures, each test in a folder of its own: <folder>/<test>/<run>.rrd, .png.
+    """The folder in which tests keep recordings and figures, each test in a folder of its own: <folder>/<test>/<run>.rrd, .parquet, .png.
 
     A run that several tests share is kept once, in the folder of the first. Raises FileError for what is no path.
     """
@@ -49,7 +50,7 @@ class Artifacts:
         folder = self._of(test)
         if not folder.is_dir():
             return
-        for path in [*folder.glob("*.rrd"), *folder.glob("*.png")]:
+        for path in (path for kind in KINDS for path in folder.glob(f"*{kind}")):
             path.unlink(missing_ok=True)
         if not any(folder.iterdir()):
             folder.rmdir()
@@ -58,7 +59,7 @@ class Artifacts:
 def _record(run: RunResult, stem: Path) -> str:
     path = stem.with_name(f"{stem.name}.rrd")
     try:
-        save_recording(run.thinned(max(1, len(run.time) // MOST_SAMPLES)), path)
+        save_recording(run, path)
     except Exception as error:  # whatever it is, the report of the test that failed is not to be lost for it
         return f"not kept: {error}"
     return str(path)
