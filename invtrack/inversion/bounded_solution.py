@@ -89,21 +89,21 @@ def require_consistent(problem: PlanningProblem, inverses: Sequence[Inverse], eq
         if size > CONSISTENCY_TOLERANCE:
             raise CompatibilityError(missing_derivative(problem, inverses[k + 1].internal.form, equations.trajectory(), k, size))
     scale = max(equations.size, np.finfo(float).tiny)
-    compatibility_rows = 0
     for k, miss in enumerate(solution.inconsistency[:-1]):
-        compatibility_rows += equations.compatibility_rows[k]
-        if miss > CONSISTENCY_TOLERANCE * scale and not compatibility_rows:
-            raise BoundednessError(
-                "no bounded inverse: the internal state that the past leaves at the jump at "
-                f"t = {plant.switch_times[k]:.6g} s is off the one that stays bounded over the next interval by "
-                f"{miss / scale:.1e} of the trajectory's size; change the reference, the parameters after the jump, or the output"
-            )
-        if miss > CONSISTENCY_TOLERANCE * scale:
+        if miss <= CONSISTENCY_TOLERANCE * scale:
+            continue
+        incompatible = equations.compatibility_miss(k)
+        if incompatible > CONSISTENCY_TOLERANCE * scale:
             raise CompatibilityError(
                 f"at the jump at t = {plant.switch_times[k]:.6g} s the state cannot be continuous and the output exact at "
-                f"once: the compatibility conditions fail by {miss / scale:.1e} of the trajectory's size; change the reference "
-                "around the jump, or keep C* (outputs and derivatives as functions of the state) the same on both sides"
+                f"once: the compatibility conditions fail by {incompatible / scale:.1e} of the trajectory's size; change the "
+                "reference around the jump, or keep C* (outputs and derivatives as functions of the state) the same on both sides"
             )
+        raise BoundednessError(
+            "no bounded inverse: the internal state that the past and the outputs wanted there leave at the jump at "
+            f"t = {plant.switch_times[k]:.6g} s is off the one that stays bounded over the next interval by "
+            f"{miss / scale:.1e} of the trajectory's size; change the reference, the parameters after the jump, or the output"
+        )
     if solution.inconsistency[-1] > CONSISTENCY_TOLERANCE * scale:
         n_u = [stretch.system.backward.size for stretch in (equations.stretches[0], equations.stretches[-1])]
         n_u[1] += len(equations.stretches[-1].system.neutral) if n_u[0] > n_u[1] else 0

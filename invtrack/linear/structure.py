@@ -157,25 +157,37 @@ def _differentiated(row: _Row, system: StateSpace, state_unit: Array) -> _Row:
     Besides what rounding does here, there is what it did before: in turned coordinates B has entries that would be zero, and where
     a row picks just these, nothing is left to measure them against. The gains of outputs, and of rows made by cancellation, are
     therefore also measured against norms, in the units of the states. Not so those further down a chain: a long one passes on less
-    than the rounding of the norms, and yet exactly.
+    than the rounding of the norms, and yet exactly. What is passed on to them instead is the doubt in the entries that turning the
+    coordinates may have left of zeros: in outputs and cancelled rows, in each row of A and in each column of B.
     """
     A, B = system.A, system.B
-    d_error = row.c_error @ np.abs(B) + np.abs(row.c) @ system.errors("B")
+    rounding = ROUNDING * system.n_states * np.finfo(float).eps
+    c_error, d_error = row.c_error, np.zeros(system.n_inputs)
     if row.turned:
-        eps = ROUNDING * system.n_states * np.finfo(float).eps
-        d_error = d_error + eps * np.linalg.norm(row.c_size * state_unit) * np.linalg.norm(B / state_unit[:, None], axis=0)
+        size = float(np.linalg.norm(row.c_size * state_unit))
+        c_error = c_error + _doubt(row.c * state_unit, rounding * size) / state_unit
+        d_error = rounding * size * np.linalg.norm(B / state_unit[:, None], axis=0)
+    A_rows, B_columns = A * state_unit, B / state_unit[:, None]
+    A_doubt = _doubt(A_rows, rounding * np.linalg.norm(A_rows, axis=1, keepdims=True)) / state_unit
+    B_doubt = _doubt(B_columns, rounding * np.linalg.norm(B_columns, axis=0)) * state_unit[:, None]
     return _without_rounding(
         _Row(
             c=row.c @ A,
             c_size=row.c_size @ np.abs(A),
-            c_error=row.c_error @ np.abs(A) + np.abs(row.c) @ system.errors("A"),
+            c_error=c_error @ np.abs(A) + np.abs(row.c) @ (system.errors("A") + A_doubt),
             d=row.c @ B,
             d_size=row.c_size @ np.abs(B),
-            d_error=d_error,
+            d_error=d_error + c_error @ np.abs(B) + np.abs(row.c) @ (system.errors("B") + B_doubt),
             h=np.vstack([np.zeros_like(row.h[:1]), row.h]),
             turned=False,
         )
     )
+
+
+def _doubt(entries: Array, rounding: float | Array) -> Array:
+    """By how much entries may be wrong that rounding may have left of zeros: by all that they are. The others count as right."""
+    sizes = np.abs(entries)
+    return np.where(sizes <= rounding, sizes, 0.0)
 
 
 def _without_rounding(row: _Row) -> _Row:

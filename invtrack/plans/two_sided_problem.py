@@ -87,7 +87,7 @@ class TwoSidedProblem(Pieces):
         boundary = solve(rest_before, conditions, rest_after)
         if boundary.freedom and len(last.system.neutral):  # where nothing is left open, rest is for the caller to judge
             boundary = solve(rest_before, conditions, at_rest(last, after.steady()[0] @ self.anchor(-1), z_last))
-        return TwoSidedSolution(self, stretches, boundary, checks, rows, max(sizes))
+        return TwoSidedSolution(self, stretches, [rest_before, *conditions], boundary, checks, rows, max(sizes))
 
     def _stretches(self) -> list[Stretch]:
         lengths = np.diff(self.breakpoints)
@@ -182,6 +182,7 @@ class TwoSidedSolution:
 
     Args:
         problem, stretches: what was solved.
+        conditions: those of rest before the manoeuvre and those of each switch, rows of compatibility first.
         boundary: the solution of the boundary value problem.
         open_checks: per switch the compatibility row without unknowns that fails worst, and by how much, relative to its terms.
         compatibility_rows: per switch, how many others hold unknowns.
@@ -190,6 +191,7 @@ class TwoSidedSolution:
 
     problem: TwoSidedProblem
     stretches: Sequence[Stretch]
+    conditions: Sequence[Conditions]
     boundary: BoundaryValueSolution
     open_checks: list[tuple[int, float]]
     compatibility_rows: list[int]
@@ -198,6 +200,12 @@ class TwoSidedSolution:
     def along(self, weights: Array) -> TwoSidedSolution:
         """The solution with this combination (f,) of what the equations leave open added."""
         return replace(self, boundary=self.boundary.along(weights))
+
+    def compatibility_miss(self, switch: int) -> float:
+        """By how much the rows of compatibility at a switch contradict what the past leaves, whatever the time after asks."""
+        before, here, rows = self.conditions[: switch + 1], self.conditions[switch + 1], self.compatibility_rows[switch]
+        compatibility = Conditions(here.left[:rows], np.zeros((0, 0)), here.rhs[:rows])
+        return float(solve(before[0], before[1:], compatibility).inconsistency[-1])
 
     @property
     def first_b(self) -> Array:

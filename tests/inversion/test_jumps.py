@@ -41,8 +41,20 @@ def test_an_unstable_mode_fewer_before_than_after_has_no_bounded_inverse() -> No
 
 def test_an_interval_that_no_unknown_can_steer_is_named() -> None:
     """Zero -1, then +50 for 10 s, then -1: the past fixes eta at the first jump, and e^500 times the miss is not a solution."""
-    with pytest.raises(BoundednessError, match=r"the internal state that the past leaves at the jump at t = 1 s"):
+    with pytest.raises(BoundednessError, match=r"the internal state that the past .* leave at the jump at t = 1 s"):
         invert(SwitchedSystem([system(-1.0), system(50.0), system(-1.0)], [1.0, 11.0]), MOTION)
+
+
+def test_an_output_that_changes_at_rest_is_compatible_and_the_fast_unstable_mode_after_it_the_reason() -> None:
+    """y = x_1, then x_1 - x_1' / 20, at rest: x_1' = 20 (x_1 - y) from 0 grows as e^20t; the jump itself asks nothing more."""
+    A, B = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 0.0], [1.0, 0.0, -1.0]]), np.array([[0.0], [1.0], [0.0]])
+    position, mixed = StateSpace(A, B, [[1.0, 0.0, 0.0]]), StateSpace(A, B, [[1.0, -0.05, 0.0]])
+    plant = SwitchedSystem([position, mixed], [-0.05])
+    with pytest.raises(BoundednessError, match=r"leave at the jump at t = -0.05 s is off the one that stays bounded"):
+        invert(plant, MOTION)
+    report = feasibility(plant, MOTION)
+    assert report.failed.startswith("boundedness")
+    assert report.jumps[0].fixed_miss == 0.0
 
 
 @pytest.mark.parametrize("jump", [1.0, 1.5])

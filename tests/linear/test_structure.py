@@ -147,6 +147,29 @@ def test_an_input_that_only_rounding_lets_in_is_no_input(seed: int) -> None:
     assert (sorted(form.orders), form.V.shape[1]) == ([1, 2], 0)
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e6])
+@pytest.mark.parametrize(
+    ("matrix", "entry"), [("C", (0, 1)), ("C", (0, 2)), ("C", (0, 3)), ("A", (0, 2)), ("A", (1, 3)), ("B", (1, 0))]
+)
+def test_what_rounding_left_of_a_zero_shortens_no_chain(matrix: str, entry: tuple[int, int], unit: float) -> None:
+    """y has the third derivative 2 eta - y + u, eta' = -3 eta + y; one of the zeros between input and output is 1e-17 instead."""
+    matrices = {
+        "A": np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 2.0], [1.0, 0.0, 0.0, -3.0]]),
+        "B": np.array([[0.0], [0.0], [1.0], [0.0]]),
+        "C": np.array([[1.0, 0.0, 0.0, 0.0]]),
+    }
+    matrices[matrix][entry] = 1e-17
+    plant = StateSpace(**matrices).transformed(np.diag([1.0, unit, 1.0, 1 / unit]))
+    assert relative_degree(plant) == (3,)
+    assert zeros(plant) == pytest.approx([-3.0], rel=1e-12)
+
+
+def test_a_weak_but_clear_coupling_is_part_of_a_chain() -> None:
+    """1e-9 of the stiffness couples the mass that is pushed to the one that is followed."""
+    A = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 1e-9, 0.0], [0.0, 0.0, 0.0, 1.0], [1e-9, 0.0, -1.0, 0.0]])
+    assert relative_degree(StateSpace(A, np.eye(4)[:, [3]], np.eye(4)[[0]])) == (4,)
+
+
 def test_gains_within_the_models_error_count_as_dependent() -> None:
     plant = StateSpace([[0.0, 1.0], [-1.0, -1.0]], [[1.0, 1.0], [1.0, 1.0 + 1e-7]], np.eye(2))
     assert relative_degree(plant) == (1, 1)

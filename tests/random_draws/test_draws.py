@@ -120,6 +120,14 @@ def test_switched_plants(number: int) -> None:
     assert outcome.kind in ("plan right", "refused, no solution", "refused, in the band"), outcome
 
 
+@pytest.mark.parametrize("number", [846, 956])
+def test_switched_plants_that_were_refused_for_another_reason(number: int) -> None:
+    """An output that changes at rest, before a fast unstable mode; a chain of three integrators with rounding beside it."""
+    outcome = switched_outcome(0, number)
+    assert outcome.kind == "refused, no solution", outcome
+    assert outcome.detail.startswith("unbounded; BoundednessError"), outcome
+
+
 def test_every_public_door_has_a_call_that_succeeds() -> None:
     calls = valid_calls()
     assert public_doors() <= {name.partition(".")[0] for name in calls}
