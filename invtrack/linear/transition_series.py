@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.arrays import Array, Indices
-from invtrack.linear.transition_powers import NODE_ANGLE, TransitionPowers, doublings, exponential_less_one
+from invtrack.linear.recurring_transitions import RecurringTransitions
+from invtrack.linear.transition_powers import NODE_ANGLE, TransitionPowers, doublings
 
 SPARSE = 16
 """Where fewer times than this share a node, every so many nodes are used: longer series cost less than more nodes."""
@@ -41,25 +42,18 @@ class TransitionSeries:
 
     Each tau is split into a whole number of node distances h, all of them or every 16th, and a remainder |r| of at most half of
     that. The nodes' states are found by the binary digits exp(M h 2^b), the way on from there by Taylor series, whose terms are
-    the same for all times around a node. The error does not grow with the number of times, the cost is linear in it, and
-    exponentials that decay never overflow, whatever tau.
+    the same for all times around a node; times that recur to within rounding share one transition instead. The error does not grow
+    with the number of times, the cost is linear in it, and exponentials that decay never overflow, whatever tau.
     """
 
     def __init__(self, powers: TransitionPowers) -> None:
-        self.powers = powers
+        self.powers, self._recurring = powers, RecurringTransitions(powers)
 
     def matrix(self, tau: float) -> Array:
         """exp(M tau) (q, q) for one time tau [s], not negative."""
-        q = len(self.powers.matrix)
         if math.isinf(self.powers.step):
-            return np.eye(q)
-        count = round(tau / self.powers.step)
-        share = tau / self.powers.step - count
-        result = np.eye(q) + exponential_less_one(self.powers.matrix * (self.powers.step * share))
-        for bit in range(count.bit_length()):
-            if count >> bit & 1:
-                result = self.powers.digit(bit) @ result
-        return self.powers.scale[:, None] * result / self.powers.scale
+            return np.eye(len(self.powers.matrix))
+        return self.powers.scale[:, None] * self._recurring.matrix(tau / self.powers.step) / self.powers.scale
 
     def outputs(self, X: Array, v: Array, owner: Indices, tau: Array, *, resolution: float = 0.0) -> Array:
         """X exp(M tau_i) v[owner_i] at many times: (m, k).
@@ -125,15 +119,26 @@ class TransitionSeries:
         length = min(CHUNK, max(LONG_STRETCH, CHUNK_ENTRIES // (k + q)))
         for first in range(0, len(tau), length):
             part = slice(first, first + length)
-            cells = _Cells.of(tau[part] / self.powers.step, owner[part])
-            nodes = self._nodes(v[cells.owner], cells.count)
-            m, c, terms = len(cells.cell), len(nodes), cells.terms
-            summed_first = terms * (c * q * q + ENTRYWISE * m * q) + m * k * q
-            mapped_first = terms * ((c + q) * k * q + ENTRYWISE * m * k)
-            if summed_first <= mapped_first:
-                np.matmul(self._summed(nodes, cells), rows.X.T, out=result[part])
+            distances, owners = tau[part] / self.powers.step, owner[part]
+            known = self._recurring.known(distances)
+            if known is not None and np.all(known):
+                result[part] = self._recurring.values(rows.X, v, owners, distances)
+            elif known is not None:
+                result[part][known] = self._recurring.values(rows.X, v, owners[known], distances[known])
+                result[part][~known] = self._around_nodes(rows, v, owners[~known], distances[~known])
             else:
-                result[part] = rows.values(nodes, cells)
+                result[part] = self._around_nodes(rows, v, owners, distances)
+
+    def _around_nodes(self, rows: _Rows, v: Array, owner: Indices, distances: Array) -> Array:
+        """X exp(M h distance_i) v[owner_i] (m, k), from the states at the nodes."""
+        cells = _Cells.of(distances, owner)
+        nodes = self._nodes(v[cells.owner], cells.count)
+        (k, q), m, c, terms = rows.X.shape, len(cells.cell), len(nodes), cells.terms
+        summed_first = terms * (c * q * q + ENTRYWISE * m * q) + m * k * q
+        mapped_first = terms * ((c + q) * k * q + ENTRYWISE * m * k)
+        if summed_first <= mapped_first:
+            return np.asarray(self._summed(nodes, cells) @ rows.X.T)
+        return rows.values(nodes, cells)
 
     def _summed(self, nodes: Array, cells: _Cells) -> Array:
         """The Taylor series from the cells' nodes to the times, (m, q)."""

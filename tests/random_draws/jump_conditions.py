@@ -28,6 +28,13 @@ MET = 1e-9
 MISSED = 1e-5
 """...and missed from this one on. Between the two rounding decides."""
 
+MOST_GROWTH = (1e7, 1e11)
+"""A part that grows by more over one interval must not be there at its start, as if the interval had no end: what it would be at
+the end, and how badly it would miss what holds there, no number tells. Between the two either reason is right."""
+
+UNSTABLE = LEAST_DISTANCE / 2
+"""Real part from which on a mode counts as antistable [rad/s]."""
+
 JumpVerdict = Literal["solvable", "band", "incompatible", "unbounded"]
 
 
@@ -89,11 +96,10 @@ class TrackingDynamics:
                 E, f = step @ E, step @ f + drive
         return E, f
 
-    def left_invariant(self, *, antistable: bool) -> Array:
-        """Rows L (k, n) with L A_y = M L, M antistable, or with the other eigenvalues."""
+    def left_invariant(self, *, above: float = -np.inf, up_to: float = np.inf) -> Array:
+        """Rows L (k, n) with L A_y = M L, M with the eigenvalues whose real parts lie between these [rad/s]."""
         A_y, _ = self.law
-        half = LEAST_DISTANCE / 2
-        _, Q, k = scipy.linalg.schur(A_y.T, sort=lambda re, im: (re > half) == antistable)
+        _, Q, k = scipy.linalg.schur(A_y.T, sort=lambda re, im: above < re <= up_to)
         return np.asarray(Q[:, :k].T)
 
 
@@ -114,14 +120,14 @@ def judged_jumps(drawn: DrawnJumps) -> JumpJudgement:
     if not clear:
         return JumpJudgement("band", zeros)
     dynamics = [TrackingDynamics(plant, degrees) for plant, degrees in zip(drawn.plants, drawn.degrees, strict=True)]
-    inner = [*_past(drawn, dynamics[0]), *_inner(drawn, dynamics)]
-    every = _state([*inner, *_future(drawn, dynamics[-1])])
+    past = _past(drawn, dynamics[0])
+    every = _state([*past, *_inner(drawn, dynamics), *_future(drawn, dynamics[-1])])
     if every == "met":
         return JumpJudgement("solvable", zeros)
-    without_end = _state(inner)
-    if every == "unclear" or without_end == "unclear":
+    without_bounds = {_state([*past, *_inner(drawn, dynamics, most)]) for most in MOST_GROWTH}
+    if every == "unclear" or len(without_bounds) > 1 or "unclear" in without_bounds:
         return JumpJudgement("band", zeros)
-    return JumpJudgement("unbounded" if without_end == "met" else "incompatible", zeros)
+    return JumpJudgement("unbounded" if "met" in without_bounds else "incompatible", zeros)
 
 
 Condition = tuple[Array, Array]
@@ -137,20 +143,22 @@ def _placed(block: Array, jump: int, drawn: DrawnJumps) -> Array:
 
 def _past(drawn: DrawnJumps, first: TrackingDynamics) -> list[Condition]:
     """But for the antistable part, what the wanted output has made of rest by the first jump."""
-    L = first.left_invariant(antistable=False)
+    L = first.left_invariant(up_to=UNSTABLE)
     t = float(drawn.switch_times[0])
     return [(_placed(L, 0, drawn), first.flow(drawn, L, 0.0, t)[1] if t > 0 else np.zeros(len(L)))]
 
 
-def _inner(drawn: DrawnJumps, dynamics: list[TrackingDynamics]) -> list[Condition]:
+def _inner(drawn: DrawnJumps, dynamics: list[TrackingDynamics], most: float = np.inf) -> list[Condition]:
+    """Outputs as wanted at the jumps, and the flow between them, but for what grows by more than `most` over an interval."""
     times = drawn.switch_times.tolist()
     found = []
     for k, t in enumerate(times):
         new = dynamics[k + 1]
         found.append((_placed(new.star, k, drawn), new.wanted(drawn, t)))
         if k + 1 < len(times):
+            fastest = np.log(most) / (times[k + 1] - t)
             for antistable in (False, True):  # each part in the direction in which it does not grow
-                L = new.left_invariant(antistable=antistable)
+                L = new.left_invariant(above=UNSTABLE, up_to=fastest) if antistable else new.left_invariant(up_to=UNSTABLE)
                 (a, since), (b, until) = ((k + 1, times[k + 1]), (k, t)) if antistable else ((k, t), (k + 1, times[k + 1]))
                 E, f = new.flow(drawn, L, since, until)
                 found.append((_placed(L, b, drawn) - _placed(E @ L, a, drawn), f))
@@ -160,7 +168,7 @@ def _inner(drawn: DrawnJumps, dynamics: list[TrackingDynamics]) -> list[Conditio
 def _future(drawn: DrawnJumps, last: TrackingDynamics) -> list[Condition]:
     """No antistable part in the distance from the equilibrium, once the motion is over."""
     t = float(drawn.switch_times[-1])
-    L, plant = last.left_invariant(antistable=True), last.plant
+    L, plant = last.left_invariant(above=UNSTABLE), last.plant
     E, f = last.flow(drawn, L, max(t, drawn.duration), t)
     n = len(plant.A)
     held = np.concatenate([np.zeros(n), np.asarray(drawn.reference(drawn.duration + 9.0)) / drawn.units.y])

@@ -120,9 +120,10 @@ def test_switched_plants(number: int) -> None:
     assert outcome.kind in ("plan right", "refused, no solution", "refused, in the band"), outcome
 
 
-@pytest.mark.parametrize("number", [846, 956])
-def test_switched_plants_that_were_refused_for_another_reason(number: int) -> None:
-    """An output that changes at rest, before a fast unstable mode; a chain of three integrators with rounding beside it."""
+@pytest.mark.parametrize("number", [246, 846, 956])
+def test_switched_plants_that_have_no_bounded_inverse(number: int) -> None:
+    """An output that changes at rest, before a mode that grows 1e14 times over the next interval, or for ever; a chain of three
+    integrators with rounding beside it."""
     outcome = switched_outcome(0, number)
     assert outcome.kind == "refused, no solution", outcome
     assert outcome.detail.startswith("unbounded; BoundednessError"), outcome

@@ -1,0 +1,97 @@
+"""Transitions over times that recur to within rounding, such as the pieces of a reference through evenly spaced samples."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from invtrack.arrays import Array, Indices
+from invtrack.linear.transition_powers import TransitionPowers, exponential_less_one
+
+RECURS = 1e-6
+"""Times recur that differ by less than this share of themselves, and of a node distance: three terms of a series lead from one to
+the other, and the first one left out is below 1e-17 of the first, entry by entry, of chains of integrators, too."""
+
+OFTEN = 16
+"""A time is remembered that recurs this often in one call, and as often as there are states: its transition costs as much."""
+
+SAMPLE = 256
+"""How many times of a call are looked at."""
+
+MOST, MOST_ENTRIES = 64, 2**20
+"""How many transitions are remembered, and how many entries they may have."""
+
+
+class RecurringTransitions:
+    """exp(M h d) of a matrix M (q, q), whose powers are known, at distances d that recur, in scaled coordinates."""
+
+    def __init__(self, powers: TransitionPowers) -> None:
+        self._powers, q = powers, len(powers.matrix)
+        self._most = min(MOST, MOST_ENTRIES // max(q, 1) ** 2)
+        self._distances, self._transitions = np.zeros(0), list[Array]()
+
+    def matrix(self, distance: float) -> Array:
+        """exp(M h distance) (q, q)."""
+        which, remainder, known = self._nearest(np.array([distance]))
+        if not known[0]:
+            found = self._transition(distance)
+            self._remember(distance, found)
+            return found
+        found, step = self._transitions[which[0]], self._powers.matrix * (self._powers.step * remainder[0])
+        return found + found @ (step + step @ step / 2) if remainder[0] else found
+
+    def known(self, distances: Array) -> NDArray[np.bool_] | None:
+        """Which of the distances (m,) recur, None for too few of them; those that recur in this call are remembered."""
+        q = len(self._powers.matrix)
+        _, _, known = self._nearest(distances)
+        left = np.flatnonzero(~known)[:SAMPLE]
+        if len(left) >= OFTEN and len(distances) >= max(OFTEN, q) and len(self._distances) < self._most:
+            sample = np.sort(distances[left])
+            new = sample[np.append(True, np.diff(sample) > RECURS * np.minimum(sample[1:], 1.0))]
+            if len(new) * OFTEN <= len(left) and len(new) * max(OFTEN, q) <= len(distances):
+                for distance in new.tolist():
+                    self._remember(distance, self._transition(distance))
+                _, _, known = self._nearest(distances)
+        return known if 2 * np.count_nonzero(known) > len(known) else None
+
+    def values(self, X: Array, v: Array, owner: Indices, distances: Array) -> Array:
+        """X exp(M h distance_i) v[owner_i], (m, k), for distances (m,) that are known; X (k, q), v (g, q)."""
+        which, remainder, _ = self._nearest(distances)
+        k, M = len(X), self._powers.matrix * self._powers.step
+        result = np.empty((len(distances), k))
+        for index in np.unique(which).tolist():
+            chosen = np.flatnonzero(which == index) if len(self._distances) > 1 else slice(None)
+            rows, off = [X @ self._transitions[index]], remainder[chosen, np.newaxis]
+            if np.any(off):
+                rows.append(rows[0] @ M)
+                rows.append(rows[1] @ M / 2)
+            found = v[owner[chosen]] @ np.concatenate(rows).T
+            if np.any(off):
+                result[chosen] = found[:, :k] + off * (found[:, k : 2 * k] + off * found[:, 2 * k :])
+            else:
+                result[chosen] = found
+        return result
+
+    def _nearest(self, distances: Array) -> tuple[Indices, Array, NDArray[np.bool_]]:
+        """The nearest remembered distance to each of these (m,), how far off it is, and whether it is near enough."""
+        if not len(self._distances):
+            return np.zeros(len(distances), dtype=np.intp), distances, np.zeros(len(distances), dtype=bool)
+        which = np.searchsorted((self._distances[:-1] + self._distances[1:]) / 2, distances)
+        remainder = distances - self._distances[which]
+        return which, remainder, np.abs(remainder) <= RECURS * np.minimum(self._distances, 1.0)[which]
+
+    def _remember(self, distance: float, transition: Array) -> None:
+        if len(self._distances) < self._most:
+            place = int(np.searchsorted(self._distances, distance))
+            self._distances = np.insert(self._distances, place, distance)
+            self._transitions.insert(place, transition)
+
+    def _transition(self, distance: float) -> Array:
+        """exp(M h distance), by the binary digits of its whole part and a series for the rest."""
+        count = round(distance)
+        result = np.eye(len(self._powers.matrix))
+        result += exponential_less_one(self._powers.matrix * (self._powers.step * (distance - count)))
+        for bit in range(count.bit_length()):
+            if count >> bit & 1:
+                result = self._powers.digit(bit) @ result
+        return result
