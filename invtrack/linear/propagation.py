@@ -162,6 +162,9 @@ def forced_states(propagator: Propagator, added: Array, lengths: Array) -> Array
     result = np.zeros((m + 1, n))
     if m == 0 or n == 0:
         return result
+    if m == 1:
+        result[1] = added[0]
+        return result
     width = math.isqrt(m - 1) + 1
     blocks = -(-m // width)
     g = np.zeros((blocks * width, n))

@@ -59,7 +59,7 @@ class RecurringTransitions:
         which, remainder, _ = self._nearest(distances)
         k, M = len(X), self._powers.matrix * self._powers.step
         result = np.empty((len(distances), k))
-        for index in np.unique(which).tolist():
+        for index in np.flatnonzero(np.bincount(which)).tolist():
             chosen = np.flatnonzero(which == index) if len(self._distances) > 1 else slice(None)
             rows, off = [X @ self._transitions[index]], remainder[chosen, np.newaxis]
             if np.any(off):

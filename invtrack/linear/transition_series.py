@@ -74,8 +74,9 @@ class TransitionSeries:
             return result
         rows, v = _Rows(X * self.powers.scale, self.powers.matrix * self.powers.step), v / self.powers.scale
         long = max(LONG_STRETCH, len(self.powers.matrix))
-        edges = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1, [len(tau)]]) if len(tau) else np.zeros(1, dtype=int)
-        done = 0
+        edges, done = np.zeros(1, dtype=int), 0
+        if np.any(owner[long - 1 :] == owner[: max(0, len(owner) - long + 1)]):  # else no stretch is long
+            edges = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1, [len(tau)]])
         for stretch in np.flatnonzero(np.diff(edges) >= long):
             first, last = edges[stretch : stretch + 2].tolist()
             spacing = _even_spacing(tau[first:last], min(resolution, EVEN_ANGLE / max(self.powers.pace, np.finfo(float).tiny)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +13,41 @@ from invtrack.arrays import Array, Indices
 from invtrack.linear.propagation import forced_states
 from invtrack.plans.two_sided import DrivenSystem, TwoSidedSystem
 
+WITHIN = (1 / 3, 2 / 3)
+"""Where within a piece peaks are looked for, too, as shares of its length: at its ends all may happen to pass through zero."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrivenPieces:
+    """The pieces of a reference within the manoeuvre, each with the driven two-sided system that holds in it.
+
+    Args:
+        driven: the driven systems.
+        which: for each piece, the number of its driven system among these (k,).
+        lengths: of the pieces (k,) [s].
+        w_start, w_end: the reference's states at the pieces' starts and ends (k, q), padded to the largest q.
+    """
+
+    driven: Sequence[DrivenSystem]
+    which: Indices
+    lengths: Array
+    w_start: Array
+    w_end: Array
+
+    def carried(self, part: int, z: Array, share: float = 1.0) -> Array:
+        """z (k, n) carried over this share of each piece's length under the reference's drive; part 0: forward, 1: backward.
+
+        n: the largest number of states of that part; rows of systems with fewer are padded.
+        """
+        w, result = (self.w_start, self.w_end)[part], np.zeros_like(z)
+        for index in np.unique(self.which).tolist():
+            driven, chosen = self.driven[index], np.flatnonzero(self.which == index)
+            n, q = (driven.system.forward.size, driven.system.backward.size)[part], len(driven.S)
+            start = np.hstack([z[chosen, :n], w[chosen, :q]])
+            each, lengths = np.arange(len(chosen)), share * self.lengths[chosen]
+            result[chosen, :n] = driven.propagators[part].outputs(np.eye(n, n + q), start, each, lengths)
+        return result
+
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
@@ -21,58 +57,21 @@ class Stretch:
 
     Args:
         system: the two-sided system of the interval.
-        driven: the driven systems, of all stretches.
-        which: for each piece, the number of its driven system among these (k,).
         lengths: of the pieces (k,) [s].
-        w_start, w_end: the reference's states at the pieces' starts and ends (k, q), padded to the largest q.
+        forced: z_f at the start of each piece and at the end (k + 1, n_f), z_b alike (k + 1, n_b), that the reference alone causes.
+        peaks: the largest value of each of z_f and z_b that the reference alone causes (n_f + n_b,).
     """
 
     system: TwoSidedSystem
-    driven: Sequence[DrivenSystem]
-    which: Indices
     lengths: Array
-    w_start: Array
-    w_end: Array
-
-    @cached_property
-    def forced(self) -> tuple[Array, Array]:
-        """z_f at the start of each piece and at the end (k + 1, n_f), z_b alike (k + 1, n_b), that the reference alone causes."""
-        n_f, n_b = self.system.forward.size, self.system.backward.size
-        forward, backward = self.system.propagators
-        k = len(self.lengths)
-        added_f = self._driven(0, np.zeros((k, n_f)), self.w_start, self.lengths)
-        added_b = self._driven(1, np.zeros((k, n_b)), self.w_end, self.lengths)
-        return (
-            forced_states(forward, added_f, self.lengths),
-            forced_states(backward, added_b[::-1], self.lengths[::-1])[::-1],
-        )
+    forced: tuple[Array, Array]
+    peaks: Array
 
     @cached_property
     def transitions(self) -> tuple[Array, Array]:
         """E_f with z_f at the end = E_f z_f(start) + forced, and E_b with z_b at the start = E_b z_b(end) + forced."""
         forward, backward = self.system.propagators
         return forward.matrix(self.lengths.sum()), backward.matrix(self.lengths.sum())
-
-    @cached_property
-    def peaks(self) -> Array:
-        """The largest value of each of z_f and z_b that the reference alone causes (n_f + n_b,)."""
-        forced_f, forced_b = self.forced
-        found = [np.hstack([np.max(np.abs(z), axis=0, initial=0.0) for z in (forced_f, forced_b)])]
-        for share in (1 / 3, 2 / 3):  # at the ends of pieces alone all may happen to pass through zero
-            inner_f = self._driven(0, forced_f[:-1], self.w_start, share * self.lengths)
-            inner_b = self._driven(1, forced_b[1:], self.w_end, share * self.lengths)
-            found.append(np.hstack([np.max(np.abs(z), axis=0, initial=0.0) for z in (inner_f, inner_b)]))
-        return np.asarray(np.max(found, axis=0))
-
-    def states(self, v: Array) -> tuple[Array, Array]:
-        """z_f at the start and z_b at the end of each piece, (k, n_f) and (k, n_b), for v = [z_f(start); z_b(end)]."""
-        n_f, n_b = self.system.forward.size, self.system.backward.size
-        forward, backward = self.system.propagators
-        times = np.concatenate([[0.0], np.cumsum(self.lengths)])
-        one = np.zeros(len(self.lengths), dtype=np.intp)
-        carried_f = forward.outputs(np.eye(n_f), v[np.newaxis, :n_f], one, times[:-1])
-        carried_b = backward.outputs(np.eye(n_b), v[np.newaxis, n_f:], one, times[-1] - times[1:])
-        return self.forced[0][:-1] + carried_f, self.forced[1][1:] + carried_b
 
     def outer(self, v: Array) -> tuple[Array, Array]:
         """z_f at the end of the stretch and z_b at its start."""
@@ -81,13 +80,70 @@ class Stretch:
         carried_f, carried_b = forward.states(v[np.newaxis, :n_f], total)[0], backward.states(v[np.newaxis, n_f:], total)[0]
         return carried_f + self.forced[0][-1], carried_b + self.forced[1][0]
 
-    def _driven(self, part: int, z: Array, w: Array, lengths: Array) -> Array:
-        """z of [z; w] carried over each piece's length, (k, n_z); part 0 is the forward, 1 the backward one."""
-        n_z = z.shape[1]
-        result = np.empty_like(z)
-        for index in np.unique(self.which):
-            chosen, driven = self.which == index, self.driven[index]
-            q = len(driven.S)
-            start = np.hstack([z[chosen], w[chosen, :q]])
-            result[chosen] = driven.propagators[part].outputs(np.eye(n_z, n_z + q), start, np.arange(len(start)), lengths[chosen])
-        return result
+
+def stretches(systems: Sequence[TwoSidedSystem], owner: Indices, pieces: DrivenPieces) -> list[Stretch]:
+    """The stretch of each interval: systems of the intervals (N + 1,), and in which of these each piece lies (k,).
+
+    What the pieces have in common is worked out for all stretches at once.
+    """
+    edges = np.searchsorted(owner, np.arange(len(systems) + 1))
+    within = [slice(first, last) for first, last in itertools.pairwise(edges.tolist())]
+    forced: list[list[Array]] = [[], []]
+    peaks = []
+    for part in (0, 1):
+        sizes = [(system.forward.size, system.backward.size)[part] for system in systems]
+        rest = np.zeros((len(owner), max(sizes)))
+        added, since = pieces.carried(part, rest), rest.copy()
+        for system, n, chosen in zip(systems, sizes, within, strict=True):
+            forced[part].append(_forced(system, part, added[chosen, :n], pieces.lengths[chosen]))
+            since[chosen, :n] = forced[part][-1][1:] if part else forced[part][-1][:-1]
+        largest = np.max([np.abs(pieces.carried(part, since, share)) for share in WITHIN], axis=0)
+        peaks.append(
+            [
+                np.maximum(np.max(np.abs(z), axis=0, initial=0.0), np.max(largest[chosen, :n], axis=0, initial=0.0))
+                for z, n, chosen in zip(forced[part], sizes, within, strict=True)
+            ]
+        )
+    return [
+        Stretch(system, pieces.lengths[chosen], (z_f, z_b), np.concatenate([peak_f, peak_b]))
+        for system, chosen, z_f, z_b, peak_f, peak_b in zip(systems, within, *forced, *peaks, strict=True)
+    ]
+
+
+def _forced(system: TwoSidedSystem, part: int, added: Array, lengths: Array) -> Array:
+    """z at the start of each piece and at the end (k + 1, n), from zero where the part starts, `added` (k, n) over each piece."""
+    if part:
+        return forced_states(system.propagators[1], added[::-1], lengths[::-1])[::-1]
+    return forced_states(system.propagators[0], added, lengths)
+
+
+def piece_states(found: Sequence[Stretch], values: Sequence[Array]) -> tuple[Array, Array]:
+    """z_f at the start and z_b at the end of every piece, (k, n_f) and (k, n_b), padded to the largest numbers of states.
+
+    found: the stretches; values: v = [z_f(start); z_b(end)] of each. Those with one system are worked out at once.
+    """
+    counts = np.array([len(stretch.lengths) for stretch in found])
+    elapsed = [np.append(0.0, np.cumsum(stretch.lengths)) for stretch in found]
+    since = (
+        np.concatenate([times[:-1] for times in elapsed]),
+        np.concatenate([times[-1] - times[1:] for times in elapsed]),
+    )
+    owner = np.repeat(np.arange(len(found)), counts)
+    alike: dict[int, list[int]] = {}
+    for number, stretch in enumerate(found):
+        alike.setdefault(id(stretch.system), []).append(number)
+    result = []
+    for part in (0, 1):
+        z = np.zeros((len(owner), max((stretch.system.forward.size, stretch.system.backward.size)[part] for stretch in found)))
+        for members in alike.values():
+            system = found[members[0]].system
+            n_f, propagator = system.forward.size, system.propagators[part]
+            place = np.full(len(found), -1)
+            place[members] = np.arange(len(members))
+            chosen = np.flatnonzero(place[owner] >= 0)
+            start = np.array([values[number][n_f:] if part else values[number][:n_f] for number in members])
+            carried = propagator.outputs(np.eye(propagator.size), start, place[owner[chosen]], since[part][chosen])
+            own = [found[number].forced[part] for number in members]
+            z[chosen, : propagator.size] = carried + np.concatenate([each[1:] if part else each[:-1] for each in own])
+        result.append(z)
+    return result[0], result[1]

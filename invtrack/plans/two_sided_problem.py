@@ -14,7 +14,7 @@ from invtrack.linear.state_sizes import unit_ratios
 from invtrack.plans.boundary_value import BoundaryValueSolution, Conditions, solve
 from invtrack.plans.junctions import at_rest, junction_conditions
 from invtrack.plans.problem import PlanningProblem
-from invtrack.plans.stretch import Stretch
+from invtrack.plans.stretch import DrivenPieces, Stretch, piece_states, stretches
 from invtrack.plans.trajectory import Trajectory, TwoSidedSegments, grouped
 from invtrack.plans.two_sided import DrivenSystem, TwoSidedSystem, drive_units
 from invtrack.references.signal import Generator
@@ -66,13 +66,14 @@ class TwoSidedProblem(Pieces):
 
     def solve(self) -> TwoSidedSolution:
         """Every stretch's v from z_f steady before the manoeuvre, continuity at the switches, and z_b steady after it."""
-        stretches = self._stretches()
+        inner = DrivenPieces(self.driven, self.which[1:-1], np.diff(self.breakpoints), self.w_start[1:-1], self.w_end[1:-1])
+        found = stretches(self.systems, self.owner[1:-1], inner)
         before, after = self.driven[self.which[0]], self.driven[self.which[-1]]
         z_first = before.steady()[0] @ self.anchor(0)
         z_last = after.steady()[1] @ self.anchor(-1)
         none = np.zeros((0, 0))
-        conditions, checks, rows, sizes = [], [], [], [float(np.max(stretch.peaks, initial=0.0)) for stretch in stretches]
-        for k, (left, right) in enumerate(itertools.pairwise(stretches)):
+        conditions, checks, rows, sizes = [], [], [], [float(np.max(stretch.peaks, initial=0.0)) for stretch in found]
+        for k, (left, right) in enumerate(itertools.pairwise(found)):
             condition, check, count, size = junction_conditions(
                 left, right, *self._joined(k), self.shifts[k], self.peaks[k], self.ratios
             )
@@ -81,24 +82,13 @@ class TwoSidedProblem(Pieces):
             rows.append(count)
             sizes.append(size)
         sizes += [float(np.max(np.abs(z), initial=0.0)) for z in (z_first, z_last)]
-        last = stretches[-1]
-        rest_before = Conditions(np.eye(len(z_first), stretches[0].system.size), none, z_first)
+        last = found[-1]
+        rest_before = Conditions(np.eye(len(z_first), found[0].system.size), none, z_first)
         rest_after = Conditions(np.eye(len(z_last), last.system.size, k=last.system.forward.size), none, z_last)
         boundary = solve(rest_before, conditions, rest_after)
         if boundary.freedom and len(last.system.neutral):  # where nothing is left open, rest is for the caller to judge
             boundary = solve(rest_before, conditions, at_rest(last, after.steady()[0] @ self.anchor(-1), z_last))
-        return TwoSidedSolution(self, stretches, [rest_before, *conditions], boundary, checks, rows, max(sizes))
-
-    def _stretches(self) -> list[Stretch]:
-        lengths = np.diff(self.breakpoints)
-        found = []
-        for k, system in enumerate(self.systems):
-            first, last = np.searchsorted(self.owner[1:-1], [k, k + 1])
-            pieces = slice(first + 1, last + 1)
-            found.append(
-                Stretch(system, self.driven, self.which[pieces], lengths[first:last], self.w_start[pieces], self.w_end[pieces])
-            )
-        return found
+        return TwoSidedSolution(self, found, [rest_before, *conditions], boundary, checks, rows, max(sizes))
 
     def _joined(self, k: int) -> tuple[Array, Array]:
         """What the reference adds to what is continuous, J_w w, on both sides of switch k."""
@@ -233,12 +223,7 @@ class TwoSidedSolution:
 
     def states(self) -> tuple[Array, Array]:
         """z_f at the start and z_b at the end of every inner piece, padded with zeros to the largest number of states."""
-        found = [stretch.states(v) for stretch, v in zip(self.stretches, self.boundary.values, strict=True)]
-        padded = []
-        for parts in zip(*found, strict=True):
-            width = max(part.shape[1] for part in parts)
-            padded.append(np.concatenate([np.pad(part, ((0, 0), (0, width - part.shape[1]))) for part in parts]))
-        return padded[0], padded[1]
+        return piece_states(self.stretches, self.boundary.values)
 
 
 def two_sided_trajectory(pieces: Pieces, z_f: Array, z_b: Array, first_b: Array, last_f: Array) -> Trajectory:

@@ -113,7 +113,9 @@ class LeastCost:
         found: dict[tuple[int, ...], TrackedSystem] = {}
         together = list(zip(*(problem.plant.systems for problem in self.problems), strict=True))
         for models in together:
-            found.setdefault(tuple(map(id, models)), TrackedSystem.of(models))
+            key = tuple(map(id, models))
+            if key not in found:
+                found[key] = TrackedSystem.of(models)
         return [found[tuple(map(id, models))] for models in together]
 
     def _allowed(self, shifts: Array) -> Array:

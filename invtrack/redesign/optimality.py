@@ -72,9 +72,12 @@ class Conditions:
         adjoint = np.zeros(0)
         unit = np.max(np.abs(values[:, :n]), axis=0)
         unit = np.where(unit > 0, unit, 1.0)
-        for k in np.unique(self.interval[piece]):
-            here = self.interval[piece] == k
-            system, weight = self.systems[k], share[here]
+        distinct = {id(system): system for system in self.systems}  # as one integral over all intervals of a system
+        number = {key: k for k, key in enumerate(distinct)}
+        which = np.array([number[id(system)] for system in self.systems])[self.interval[piece]]
+        for k, system in enumerate(distinct.values()):
+            here = which == k
+            weight = share[here]
             x, u, y, costate = np.split(values[here], [n, n + p, len(values[0]) - n], axis=1)
             error = y - wanted[here]
             cost += float(weight @ self.weights.rate(x, u, error))

@@ -29,13 +29,13 @@ MISSED = 1e-5
 """...and missed from this one on. Between the two rounding decides."""
 
 MOST_GROWTH = (1e7, 1e11)
-"""A part that grows by more over one interval must not be there at its start, as if the interval had no end: what it would be at
-the end, and how badly it would miss what holds there, no number tells. Between the two either reason is right."""
+"""What grows by more over one interval must not be there at its start, as if the interval had no end. Where the outputs can be as
+wanted at every jump, but for that, neither reason alone is the one; between the two it is rounding that decides."""
 
 UNSTABLE = LEAST_DISTANCE / 2
 """Real part from which on a mode counts as antistable [rad/s]."""
 
-JumpVerdict = Literal["solvable", "band", "incompatible", "unbounded"]
+JumpVerdict = Literal["solvable", "band", "incompatible", "unbounded", "either"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,10 +124,13 @@ def judged_jumps(drawn: DrawnJumps) -> JumpJudgement:
     every = _state([*past, *_inner(drawn, dynamics), *_future(drawn, dynamics[-1])])
     if every == "met":
         return JumpJudgement("solvable", zeros)
-    without_bounds = {_state([*past, *_inner(drawn, dynamics, most)]) for most in MOST_GROWTH}
-    if every == "unclear" or len(without_bounds) > 1 or "unclear" in without_bounds:
-        return JumpJudgement("band", zeros)
-    return JumpJudgement("unbounded" if "met" in without_bounds else "incompatible", zeros)
+    inner = _state([*past, *_inner(drawn, dynamics)])
+    loose = {_state([*past, *_inner(drawn, dynamics, most)]) for most in MOST_GROWTH}
+    verdict: JumpVerdict = "band"
+    if "unclear" not in (every, inner):
+        either: JumpVerdict = "either" if loose == {"met"} else "band"
+        verdict = "unbounded" if inner == "met" else "incompatible" if loose == {"missed"} else either
+    return JumpJudgement(verdict, zeros)
 
 
 Condition = tuple[Array, Array]

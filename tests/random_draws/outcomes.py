@@ -39,10 +39,11 @@ Kind = Literal[
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 REASONS = {
-    "on the axis": "NonHyperbolicError",
-    "degenerate": "RelativeDegreeError",
-    "incompatible": "CompatibilityError",
-    "unbounded": "BoundednessError",
+    "on the axis": ("NonHyperbolicError",),
+    "degenerate": ("RelativeDegreeError",),
+    "incompatible": ("CompatibilityError",),
+    "unbounded": ("BoundednessError",),
+    "either": ("CompatibilityError", "BoundednessError"),
 }
 """What a refusal must be called where an independent judgement finds that there is no inverse."""
 
@@ -110,7 +111,7 @@ def judged_attempt(attempt: Callable[[], tuple[Kind, str, float]], verdict: str)
         if verdict == "band":
             return "refused, in the band", detail, 0.0
         return (
-            ("refused, no solution" if name == REASONS[verdict] else "refused, reason not confirmed"),
+            ("refused, no solution" if name in REASONS[verdict] else "refused, reason not confirmed"),
             f"{verdict}; {detail}",
             0.0,
         )

@@ -126,7 +126,7 @@ def test_switched_plants_that_have_no_bounded_inverse(number: int) -> None:
     integrators with rounding beside it."""
     outcome = switched_outcome(0, number)
     assert outcome.kind == "refused, no solution", outcome
-    assert outcome.detail.startswith("unbounded; BoundednessError"), outcome
+    assert "; BoundednessError" in outcome.detail, outcome
 
 
 def test_every_public_door_has_a_call_that_succeeds() -> None:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.inversion.bounded_solution import BoundedSolution, bounded_solution
-from invtrack.inversion.inverse_system import inverse_systems
+from invtrack.inversion.inverse_system import Correction, inverse_systems
 from invtrack.inversion.modified.modified_dynamics import ModifiedDynamics, derivative_columns
 from invtrack.inversion.modified.placement import MovablePart
-from invtrack.linear.internal_dynamics import InternalDynamics
+from invtrack.linear.internal_dynamics import InternalDynamics, SplitDynamics
 from invtrack.plans.certificate import ACCURACY, certify
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.trajectory import Trajectory
@@ -106,8 +106,14 @@ class DesignProblem:
         )
 
     def solve(self, dynamics: Sequence[ModifiedDynamics], L: Sequence[Array]) -> BoundedSolution:
-        """The bounded solution for one choice of F and L in each interval."""
-        built = [d.with_feedforward(entry) for d, entry in zip(dynamics, L, strict=True)]
+        """The bounded solution for one choice of F and L in each interval; those with the same share what is worked out."""
+        known: dict[tuple[int, bytes], tuple[SplitDynamics, Correction]] = {}
+        built = []
+        for d, entry in zip(dynamics, L, strict=True):
+            key = (id(d), entry.tobytes())
+            if key not in known:
+                known[key] = d.with_feedforward(entry)
+            built.append(known[key])
         inverses = inverse_systems(self.planning.plant, [split for split, _ in built], [correction for _, correction in built])
         return bounded_solution(self.planning, inverses)
 

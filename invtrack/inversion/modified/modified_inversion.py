@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -135,16 +134,16 @@ class ModifiedTrajectory(Plan):
 
     def _largest_error(self, start: float, end: float) -> Array:
         edges = np.unique(np.concatenate([[start, end], self.breakpoints]).clip(start, end))
-        largest = np.zeros(len(self.output_scale))
-        for a, b in itertools.pairwise(edges):
-            count = max(16, ERROR_SAMPLES // len(edges))
-            outside = a < self.manoeuvre[0] or b > self.manoeuvre[1]
-            share = np.linspace(0.0, 1.0, count) ** 3 if outside else np.linspace(0.0, 1.0, count)
-            if a < self.manoeuvre[0]:
-                share = 1 - share[::-1]  # dense next to the manoeuvre: the tails are long and nearly empty
-            t = a + (b - a) * share
-            largest = np.maximum(largest, np.max(np.abs(self.tracking_error(t, inside=np.full(count, (a + b) / 2))), axis=0))
-        return largest
+        if len(edges) < 2:
+            return np.zeros(len(self.output_scale))
+        count = max(16, ERROR_SAMPLES // len(edges))
+        a, b = edges[:-1, np.newaxis], edges[1:, np.newaxis]
+        even = np.linspace(0.0, 1.0, count)
+        # Dense next to the manoeuvre: the tails are long and nearly empty.
+        before, after = a < self.manoeuvre[0], b > self.manoeuvre[1]
+        share = np.where(before, 1 - even[::-1] ** 3, np.where(after, even**3, even))
+        t, inside = a + (b - a) * share, np.broadcast_to((a + b) / 2, (len(a), count))
+        return np.asarray(np.max(np.abs(self.tracking_error(t.ravel(), inside=inside.ravel())), axis=0))
 
 
 def modified_inversion(
