@@ -38,7 +38,7 @@ class RecurringTransitions:
             self._remember(distance, found)
             return found
         found, step = self._transitions[which[0]], self._powers.matrix * (self._powers.step * remainder[0])
-        return found + found @ (step + step @ step / 2) if remainder[0] else found
+        return np.asarray(found + found @ (step + step @ step / 2)) if remainder[0] else found
 
     def known(self, distances: Array) -> NDArray[np.bool_] | None:
         """Which of the distances (m,) recur, None for too few of them; those that recur in this call are remembered."""

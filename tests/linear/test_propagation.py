@@ -203,3 +203,26 @@ def test_evenly_spaced_times_that_lie_far_out_are_taken_as_they_are() -> None:
     phase = frequency * tau.astype(np.longdouble)
     exact = np.column_stack([np.cos(phase), np.sin(phase)]).astype(float)
     assert np.all(np.abs(found - exact) < 8 * np.finfo(float).eps * np.maximum(phase.astype(float), 1.0)[:, None])
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-12, 3e-7])
+def test_times_that_recur_to_within_rounding(off: float) -> None:
+    """Lengths of pieces that are even but for rounding, some that are not among them; against the exponential of each time."""
+    rng = np.random.default_rng(2)
+    M = rng.normal(size=(5, 5)) - 2 * np.eye(5)
+    v, X = rng.normal(size=(400, 5)), rng.normal(size=(3, 5))
+    tau = np.where(np.arange(400) % 3 == 0, 0.7, 0.2) * (1 + off * rng.uniform(-1, 1, 400))
+    tau[::50] = rng.uniform(0.0, 3.0, 8)
+    propagator = Propagator(M)
+    expected = np.array([X @ scipy.linalg.expm(M * t) @ w for t, w in zip(tau, v, strict=True)])
+    for _ in range(2):  # found, then remembered
+        assert propagator.outputs(X, v, np.arange(400), tau) == pytest.approx(expected, rel=1e-13, abs=1e-13)
+    assert propagator.matrix(tau[0]) == pytest.approx(scipy.linalg.expm(M * tau[0]), rel=1e-13, abs=1e-14)
+
+
+def test_a_chain_of_integrators_over_times_that_recur_keeps_the_digits_of_its_smallest_term() -> None:
+    """x_1 after t is x_4 t^3 / 6, some 1e-13 of x_4, over lengths that rounding sets apart."""
+    tau = np.diff(np.linspace(3.0, 3.01, 201))
+    M, v = np.diag([1.0, 1.0, 1.0], k=1), np.tile([0.0, 0.0, 0.0, 5.0], (200, 1))
+    found = Propagator(M).outputs(np.eye(4)[:1], v, np.arange(200), tau)[:, 0]
+    assert found == pytest.approx(5.0 * tau**3 / 6, rel=1e-14, abs=0)
