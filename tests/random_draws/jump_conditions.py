@@ -29,8 +29,8 @@ MISSED = 1e-5
 """...and missed from this one on. Between the two rounding decides."""
 
 MOST_GROWTH = (1e7, 1e11)
-"""What grows by more over one interval must not be there at its start, as if the interval had no end. Where the outputs can be as
-wanted at every jump, but for that, neither reason alone is the one; between the two it is rounding that decides."""
+"""What grows by more over one interval must not be there at its start, as if the interval had no end: no number tells what it would
+be at the end. Between the two either reason is right."""
 
 UNSTABLE = LEAST_DISTANCE / 2
 """Real part from which on a mode counts as antistable [rad/s]."""
@@ -124,13 +124,22 @@ def judged_jumps(drawn: DrawnJumps) -> JumpJudgement:
     every = _state([*past, *_inner(drawn, dynamics), *_future(drawn, dynamics[-1])])
     if every == "met":
         return JumpJudgement("solvable", zeros)
-    inner = _state([*past, *_inner(drawn, dynamics)])
-    loose = {_state([*past, *_inner(drawn, dynamics, most)]) for most in MOST_GROWTH}
-    verdict: JumpVerdict = "band"
-    if "unclear" not in (every, inner):
-        either: JumpVerdict = "either" if loose == {"met"} else "band"
-        verdict = "unbounded" if inner == "met" else "incompatible" if loose == {"missed"} else either
-    return JumpJudgement(verdict, zeros)
+    reasons = {_first_missed(drawn, dynamics, past, most) for most in MOST_GROWTH}
+    if every == "unclear" or "band" in reasons:
+        return JumpJudgement("band", zeros)
+    return JumpJudgement(reasons.pop() if len(reasons) == 1 else "either", zeros)
+
+
+def _first_missed(drawn: DrawnJumps, dynamics: list[TrackingDynamics], past: list[Condition], most: float) -> JumpVerdict:
+    """Of the conditions in the order of time the first one that cannot be met; what grows more than `most` times is unbounded."""
+    conditions = list(past)
+    for k in range(len(drawn.switch_times)):
+        for kind, more in (("incompatible", [_wanted(drawn, dynamics, k)]), ("unbounded", _flow(drawn, dynamics, k, most))):
+            conditions += more
+            state = _state(conditions)
+            if state != "met":
+                return kind if state == "missed" else "band"
+    return "unbounded"
 
 
 Condition = tuple[Array, Array]
@@ -151,20 +160,31 @@ def _past(drawn: DrawnJumps, first: TrackingDynamics) -> list[Condition]:
     return [(_placed(L, 0, drawn), first.flow(drawn, L, 0.0, t)[1] if t > 0 else np.zeros(len(L)))]
 
 
-def _inner(drawn: DrawnJumps, dynamics: list[TrackingDynamics], most: float = np.inf) -> list[Condition]:
-    """Outputs as wanted at the jumps, and the flow between them, but for what grows by more than `most` over an interval."""
-    times = drawn.switch_times.tolist()
+def _inner(drawn: DrawnJumps, dynamics: list[TrackingDynamics]) -> list[Condition]:
+    numbers = range(len(drawn.switch_times))
+    return [*(_wanted(drawn, dynamics, k) for k in numbers), *(row for k in numbers for row in _flow(drawn, dynamics, k, np.inf))]
+
+
+def _wanted(drawn: DrawnJumps, dynamics: list[TrackingDynamics], k: int) -> Condition:
+    """Outputs and derivatives as wanted after jump k."""
+    new = dynamics[k + 1]
+    return _placed(new.star, k, drawn), new.wanted(drawn, float(drawn.switch_times[k]))
+
+
+def _flow(drawn: DrawnJumps, dynamics: list[TrackingDynamics], k: int, most: float) -> list[Condition]:
+    """The flow from jump k to the next; what grows more than `most` times must not be there, as if the interval had no end."""
+    times, new = drawn.switch_times.tolist(), dynamics[k + 1]
+    if k + 1 == len(times):
+        return []
+    fast = max(UNSTABLE, np.log(most) / (times[k + 1] - times[k]))
     found = []
-    for k, t in enumerate(times):
-        new = dynamics[k + 1]
-        found.append((_placed(new.star, k, drawn), new.wanted(drawn, t)))
-        if k + 1 < len(times):
-            fastest = np.log(most) / (times[k + 1] - t)
-            for antistable in (False, True):  # each part in the direction in which it does not grow
-                L = new.left_invariant(above=UNSTABLE, up_to=fastest) if antistable else new.left_invariant(up_to=UNSTABLE)
-                (a, since), (b, until) = ((k + 1, times[k + 1]), (k, t)) if antistable else ((k, t), (k + 1, times[k + 1]))
-                E, f = new.flow(drawn, L, since, until)
-                found.append((_placed(L, b, drawn) - _placed(E @ L, a, drawn), f))
+    for antistable in (False, True):  # each part in the direction in which it does not grow
+        L = new.left_invariant(above=UNSTABLE, up_to=fast) if antistable else new.left_invariant(up_to=UNSTABLE)
+        (a, since), (b, until) = ((k + 1, times[k + 1]), (k, times[k])) if antistable else ((k, times[k]), (k + 1, times[k + 1]))
+        E, f = new.flow(drawn, L, since, until)
+        found.append((_placed(L, b, drawn) - _placed(E @ L, a, drawn), f))
+    L = new.left_invariant(above=fast)
+    found.append((_placed(L, k, drawn), new.flow(drawn, L, times[k + 1], times[k])[1]))
     return found
 
 
