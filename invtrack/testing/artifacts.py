@@ -21,7 +21,7 @@ KINDS = ".rrd", ".parquet", ".png"
 
 
 class Artifacts:
-    """The folder in which tests keep recordings and figures, each test in a folder of its own: <folder>/<test>/<run>.rrd, .parquet, .png.
+    """The folder in which tests keep recordings and figures, each test in a folder of its own: <folder>/<test>/<run>.rrd and so on.
 
     A run that several tests share is kept once, in the folder of the first. Raises FileError for what is no path.
     """
