@@ -13,15 +13,21 @@ from invtrack.inversion.modified.preactuation_trade_off import (
     tune_modified_inversion,
 )
 from invtrack.inversion.no_preactuation import causal_inverse, steady_state_feedforward
+from invtrack.inversion.nonlinear.certificate import MotionChecks
+from invtrack.inversion.nonlinear.shooting import Iteration
+from invtrack.inversion.nonlinear.stable_inversion import MotionPlan
 
 __all__ = [
     "BoundaryConditions",
     "Candidate",
     "FeasibilityReport",
     "IntervalReport",
+    "Iteration",
     "JumpReport",
     "Modification",
     "ModifiedTrajectory",
+    "MotionChecks",
+    "MotionPlan",
     "TradeOff",
     "TradeOffPoint",
     "causal_inverse",

@@ -1,6 +1,7 @@
 """Plans, which every method returns: their values, certificate, preactuation, and what samples them and reads them back."""
 
 from invtrack.plans.certificate import Certificate, certify
+from invtrack.plans.dynamics import Derivatives, Dynamics, Mechanism, mechanism
 from invtrack.plans.export import export_plan, read_plan, sampled_plan
 from invtrack.plans.plan import Plan, Samples
 from invtrack.plans.preactuation import PreactuationBound, preactuation_bound
@@ -11,6 +12,9 @@ from invtrack.plans.trajectory import PolynomialSegments, Trajectory, TwoSidedSe
 
 __all__ = [
     "Certificate",
+    "Derivatives",
+    "Dynamics",
+    "Mechanism",
     "Plan",
     "PolynomialSegments",
     "PreactuationBound",
@@ -22,6 +26,7 @@ __all__ = [
     "TwoSidedSegments",
     "certify",
     "export_plan",
+    "mechanism",
     "preactuation_bound",
     "read_plan",
     "sampled_plan",

@@ -1,6 +1,7 @@
 """MuJoCo mechanisms as plants: named inputs, outputs and parameters, what changes in mid-run, and linearization."""
 
 from invtrack.plant.configuration import Configuration
+from invtrack.plant.dynamics import PlantDynamics
 from invtrack.plant.equilibrium.trim import trim
 from invtrack.plant.equilibrium.trim_point import TrimmedQuantity, TrimPoint
 from invtrack.plant.linearize import linearize
@@ -14,6 +15,7 @@ __all__ = [
     "Configuration",
     "Parameter",
     "Plant",
+    "PlantDynamics",
     "TrimPoint",
     "TrimmedQuantity",
     "linearize",

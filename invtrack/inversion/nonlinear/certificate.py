@@ -1,0 +1,119 @@
+"""Independent check of a plan on a nonlinear motion: replayed by the plant's own simulator, and judged by its values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from invtrack.arrays import Array, Indices
+from invtrack.inversion.nonlinear.mesh import Mesh
+from invtrack.inversion.nonlinear.shooting import Motion, Shooting
+from invtrack.linear.state_sizes import comparable_size, unit_ratios
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.certificate import Certificate
+from invtrack.plans.plan import intervals_of_pieces
+from invtrack.plans.trajectory import Trajectory
+from invtrack.references.signal import PiecewiseSignal
+
+MOST_STEPS = 6000
+"""Steps of the replay, in all: so many elements are replayed, spread evenly over the motion."""
+
+
+@dataclass(frozen=True)
+class MotionChecks:
+    """What a plan on a nonlinear motion is judged by, beside its certificate.
+
+    Args:
+        rest_residual: what is left of rates and outputs at the equilibria, as a share of their terms.
+        gap: smallest |log |lambda|| of the multipliers of an element at rest that stand for no zero: how fast errors of the mesh
+            die out from element to element.
+        decoupling: smallest ratio of det B_y along the motion to that at its start; None without a vector relative degree.
+        input_jump: largest jump of an input between elements away from breakpoints, as a share of that input's range.
+        elements: how many there are.
+    """
+
+    rest_residual: float
+    gap: float
+    decoupling: float | None
+    input_jump: float
+    elements: int
+
+
+def certify_motion(
+    shooting: Shooting, motion: Motion, trajectory: Trajectory, model: SwitchedSystem, reference: PiecewiseSignal
+) -> Certificate:
+    """Residuals of a plan, from its values and a replay of its inputs by the plant's own simulator.
+
+    Elements start in the plan's states and are driven by its inputs. dynamics_residual: how far they are then from the plan's
+    states, on the way and at the end, as a share of their peaks; output_error: their outputs less those wanted, and less those
+    planned; continuity: jumps of the plan's states at its breakpoints; rest_residual: how much the states outside the window still
+    differ from rest where they are said to be at rest.
+
+    Args:
+        shooting, motion: the conditions, and the motion that meets them.
+        trajectory: what the plan says.
+        model: whose rests the trajectory's values count from.
+        reference: the wanted outputs, absolute.
+    """
+    mesh, n, m = shooting.mesh, model.n_states, model.n_inputs
+    # A held input is planned for the steps of its hold; a continuous one must not depend on them.
+    steps = shooting.scheme.steps * 3 // 2 if shooting.scheme.count > 1 else shooting.scheme.steps
+    chosen = np.unique(np.linspace(0, len(mesh) - 1, min(max(1, MOST_STEPS // steps), len(mesh))).astype(np.intp))
+    shares = np.arange(1, steps + 1) / steps
+    times = mesh.edges[chosen, None] + mesh.lengths[chosen, None] * shares
+    inside = np.repeat((mesh.edges[chosen] + mesh.edges[chosen + 1]) / 2, steps)
+    wanted = reference(times.ravel(), inside=inside).reshape(len(chosen), steps, -1)
+    planned = trajectory(times.ravel(), np.repeat(chosen + 1, steps)).reshape(len(chosen), steps, -1)
+    interval = intervals_of_pieces(model, mesh.edges)[chosen + 1]
+    x = planned[:, :, :n] + model.rest_states[interval][:, None]
+    y = planned[:, :, n + m :] + model.rest_outputs[interval][:, None]
+    size = state_sizes(shooting, motion, model)
+    defect, missed = 0.0, 0.0
+    for k in np.unique(mesh.interval[chosen]):
+        here = mesh.interval[chosen] == k
+        numbers, dynamics = chosen[here], shooting.dynamics[k]
+        points, outputs = dynamics.replay(motion.points[numbers], motion.coefficients[numbers], mesh.lengths[numbers], steps)
+        states = dynamics.states(points.reshape(-1, points.shape[2])).reshape(len(numbers), steps, n)
+        defect = max(defect, float(np.max(np.abs(states - x[here]) / size)))
+        for other in (wanted[here], y[here]):
+            missed = max(missed, float(np.max(np.abs(dynamics.output_difference(outputs, other)) / shooting.motion_size)))
+    return Certificate(defect, missed, _continuity(trajectory, model, size), _outside(trajectory, size))
+
+
+def state_sizes(shooting: Shooting, motion: Motion, model: SwitchedSystem) -> Array:
+    """Peaks of the plan's states (n,), those that hardly move by what comparable ones make of them."""
+    states = shooting.dynamics[0].states(motion.points) - model.rest_states[0]
+    peaks = comparable_size(np.max(np.abs(states), axis=0), unit_ratios(model))
+    return np.where(peaks > 0, peaks, 1.0)
+
+
+def input_jump(mesh: Mesh, trajectory: Trajectory, model: SwitchedSystem, stops: Array) -> float:
+    """Largest jump of an input between two elements, but at the stops [s], as a share of the input's range."""
+    inner = mesh.edges[1:-1]
+    pieces = np.arange(1, len(mesh))
+    smooth = ~np.isin(inner, stops)
+    rows = slice(model.n_states, model.n_states + model.n_inputs)
+    interval = intervals_of_pieces(model, mesh.edges)
+
+    def at(piece: Indices) -> Array:
+        return np.asarray(trajectory(inner, piece, rows) + model.rest_inputs[interval[piece]])
+
+    left, right = at(pieces), at(pieces + 1)
+    span = np.ptp(np.vstack([left, right]), axis=0)
+    jumps = np.abs(right - left)[smooth] / np.where(span > 0, span, 1.0)
+    return float(np.max(jumps, initial=0.0))
+
+
+def _continuity(trajectory: Trajectory, model: SwitchedSystem, size: Array) -> float:
+    edges, n = trajectory.breakpoints, len(size)
+    pieces = np.arange(len(edges))
+    rest = model.rest_states[intervals_of_pieces(model, edges)]
+    left, right = (trajectory(edges, side)[:, :n] + rest[side] for side in (pieces, pieces + 1))
+    return float(np.max(np.abs(right - left) / size))
+
+
+def _outside(trajectory: Trajectory, size: Array) -> float:
+    """How far the tails' held states are from rest, as a share of peaks, but for what may stand anywhere."""
+    n = len(size)
+    return max(float(np.max(np.abs(tail.X_w[:n] @ tail.w) / size)) for tail in (trajectory.before,))

@@ -1,0 +1,158 @@
+"""Elements of time: where the output is matched on them, and how what comes out of one depends on what goes in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from invtrack.arrays import Array, Indices
+from invtrack.plans.dynamics import Derivatives, Dynamics
+
+KNOTS = 3
+"""Instants of an element at which derivatives are taken; between them they are parabolas."""
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """The input of an element is a polynomial with `count` coefficients; each output is matched at as many points.
+
+    The points of an output lie evenly: either symmetric inside the element, at the odd multiples of half their distance, or with
+    the element's end among them. The one suits outputs of even relative degree, the other those of odd; the wrong set has a mode
+    that neither decays nor grows from element to element (the sampling zeros of K. J. Astrom, P. Hagander, J. Sternby, 1984).
+
+    Args:
+        count: s, of the coefficients of each input.
+        at_end: for each output, whether the element's end is one of its points.
+        refinement: steps of integration between neighbouring half distances of the points.
+    """
+
+    count: int
+    at_end: tuple[bool, ...]
+    refinement: int = 1
+
+    @property
+    def steps(self) -> int:
+        """Steps of integration per element, S."""
+        return 2 * self.count * self.refinement
+
+    @cached_property
+    def points(self) -> Indices:
+        """After how many steps each output is matched (p, s)."""
+        odd = np.arange(1, 2 * self.count, 2)
+        return np.array([odd + end for end in self.at_end], dtype=np.intp) * self.refinement
+
+    @cached_property
+    def basis(self) -> Array:
+        """The polynomials at the starts, middles and ends of the steps (2 S + 1, s)."""
+        return legendre(self.count, np.linspace(0.0, 1.0, 2 * self.steps + 1))
+
+    @property
+    def knots(self) -> Indices:
+        """After how many steps derivatives are taken (KNOTS,)."""
+        return np.linspace(0, self.steps, KNOTS).astype(np.intp)
+
+    @cached_property
+    def spread(self) -> Array:
+        """From values at the knots to those at the starts, middles and ends of the steps (2 S + 1, KNOTS)."""
+        at, knots = np.linspace(0.0, 1.0, 2 * self.steps + 1), np.linspace(0.0, 1.0, KNOTS)
+        columns = []
+        for i in range(KNOTS):
+            others = np.delete(knots, i)
+            columns.append(np.prod((at[:, None] - others) / (knots[i] - others), axis=1))
+        return np.column_stack(columns)
+
+
+def legendre(count: int, shares: Array) -> Array:
+    """The first `count` Legendre polynomials on [0, 1] at shares (k,) of it: (k, count)."""
+    return np.asarray(np.polynomial.legendre.legvander(2 * shares - 1, count - 1), dtype=float)
+
+
+@dataclass(frozen=True, eq=False)
+class ElementMaps:
+    """Derivatives of K elements: of their ends and matched outputs with respect to their starts and coefficients.
+
+    dx_end = end_x dx + end_c dc, dy = out_x dx + out_c dc at the matched points.
+
+    Args:
+        end_x, end_c: (K, n, n) and (K, n, s m).
+        out_x, out_c: (K, p s, n) and (K, p s, s m), output by output.
+    """
+
+    end_x: Array
+    end_c: Array
+    out_x: Array
+    out_c: Array
+
+    @cached_property
+    def inverse(self) -> tuple[Array, Array]:
+        """out_c^-1 out_x (K, s m, n) and out_c^-1 (K, s m, p s). Raises LinAlgError where an element's input acts on no output."""
+        eye = np.broadcast_to(np.eye(self.out_c.shape[1]), self.out_c.shape)
+        size = np.max(np.abs(self.out_c), axis=2, keepdims=True)  # rows in the outputs' own units
+        scale = np.where(size > 0, size, 1.0)
+        solved = np.linalg.solve(self.out_c / scale, np.concatenate([self.out_x / scale, eye / scale], axis=2))
+        n = self.out_x.shape[2]
+        return solved[:, :, :n], solved[:, :, n:]
+
+    @cached_property
+    def exact(self) -> Array:
+        """From start to end with the outputs kept: the discrete inverse dynamics (K, n, n)."""
+        return np.asarray(self.end_x - self.end_c @ self.inverse[0])
+
+
+def element_maps(derivatives: Derivatives, scheme: Scheme, lengths: Array) -> ElementMaps:
+    """The derivative of classical RK4 over each element, for derivatives of the dynamics at its knots.
+
+    Args:
+        derivatives: at the knots of each element, in order (K KNOTS, ...).
+        scheme: of the elements.
+        lengths: of the elements (K,) [s].
+    """
+    K, s, S = len(lengths), scheme.count, scheme.steps
+    at_knots = [a.reshape(K, KNOTS, *a.shape[1:]) for a in (derivatives.A, derivatives.B, derivatives.C, derivatives.D)]
+    n, m = at_knots[1].shape[2:]
+    p = at_knots[2].shape[2]
+
+    def at(which: int, instant: int) -> Array:
+        return np.asarray(np.tensordot(at_knots[which], scheme.spread[instant], axes=(1, 0)))
+
+    # Columns: the start, then the coefficients one polynomial after the other.
+    V = np.concatenate([np.broadcast_to(np.eye(n), (K, n, n)), np.zeros((K, n, s * m))], axis=2)
+    out_x, out_c = np.empty((K, p, s, n)), np.empty((K, p, s, s * m))
+    h = (lengths / S)[:, None, None]
+
+    def slope(instant: int, A: Array, V: Array) -> Array:
+        result = A @ V
+        result[:, :, n:] += np.kron(scheme.basis[instant], at(1, instant)).reshape(K, n, s * m)
+        return result
+
+    A_start = at(0, 0)
+    for step in range(S):
+        A_middle, A_end = at(0, 2 * step + 1), at(0, 2 * step + 2)
+        k1 = slope(2 * step, A_start, V)
+        k2 = slope(2 * step + 1, A_middle, V + h / 2 * k1)
+        k3 = slope(2 * step + 1, A_middle, V + h / 2 * k2)
+        k4 = slope(2 * step + 2, A_end, V + h * k3)
+        V, A_start = V + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), A_end
+        for output, point in np.argwhere(scheme.points == step + 1):
+            C, D = at(2, 2 * step + 2)[:, output : output + 1], at(3, 2 * step + 2)[:, output]
+            rows = (C @ V)[:, 0]
+            out_x[:, output, point], out_c[:, output, point] = rows[:, :n], rows[:, n:]
+            out_c[:, output, point] += (scheme.basis[2 * step + 2][:, None] * D[:, None, :]).reshape(K, s * m)
+    return ElementMaps(V[:, :, :n], V[:, :, n:], out_x.reshape(K, p * s, n), out_c.reshape(K, p * s, s * m))
+
+
+def map_at_rest(dynamics: Dynamics, point: Array, inputs: Array, scheme: Scheme, length: float) -> ElementMaps:
+    """Those of one element of that length [s] at an equilibrium."""
+    found = dynamics.derivatives(point[None], inputs[None])
+    repeated = Derivatives(*(np.repeat(a, KNOTS, axis=0) for a in vars(found).values()))
+    return element_maps(repeated, scheme, np.array([length]))
+
+
+def candidate_schemes(count: int, outputs: int) -> Sequence[Scheme]:
+    """Schemes to choose from: every choice of points for up to four outputs, beyond that the same for all."""
+    if outputs > 4:
+        return [Scheme(count, (end,) * outputs) for end in (False, True)]
+    return [Scheme(count, tuple(bool(number >> i & 1) for i in range(outputs))) for number in range(2**outputs)]

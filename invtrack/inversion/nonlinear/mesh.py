@@ -1,0 +1,60 @@
+"""The mesh of a motion: elements between breakpoints, jumps of parameters and the ends of the window."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from invtrack.arrays import Array, Indices
+
+EVEN = 1e-9
+"""A stretch that is longer than whole elements by no more than this share is as long as these."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """N elements of time.
+
+    Args:
+        edges: times (N + 1,) [s].
+        interval: which values of the parameters hold on each element (N,).
+    """
+
+    edges: Array
+    interval: Indices
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Of the elements (N,) [s]."""
+        return np.diff(self.edges)
+
+    def __len__(self) -> int:
+        """Number of elements N."""
+        return len(self.interval)
+
+    @classmethod
+    def even(cls, stops: Array, switch_times: Array, length: float) -> Mesh:
+        """Between stops (m + 1,) [s] even elements of at most that length [s]; switch times are among the stops."""
+        counts = np.ceil(np.diff(stops) / length * (1 - EVEN)).astype(int).tolist()
+        pairs = zip(counts, itertools.pairwise(stops.tolist()), strict=True)
+        parts = [np.linspace(a, b, count + 1)[:-1] for count, (a, b) in pairs]
+        return cls.of(np.append(np.concatenate(parts), stops[-1]), switch_times)
+
+    @classmethod
+    def of(cls, edges: Array, switch_times: Array) -> Mesh:
+        """The elements between edges (N + 1,) [s]."""
+        return cls(edges, np.searchsorted(switch_times, (edges[:-1] + edges[1:]) / 2, side="right"))
+
+    def split(self, parts: Indices) -> tuple[Mesh, Indices, Array]:
+        """Each element in as many even parts as stated (N,).
+
+        Besides the mesh: for each new element, the old one it lies in (N',), and from which share of it on to which (N', 2).
+        """
+        owner = np.repeat(np.arange(len(self)), parts)
+        number = np.arange(len(owner)) - np.repeat(np.cumsum(parts) - parts, parts)
+        shares = np.column_stack([number, number + 1]) / parts[owner][:, None]
+        starts = self.edges[owner] + shares[:, 0] * self.lengths[owner]
+        return Mesh(np.append(starts, self.edges[-1]), self.interval[owner]), owner, shares

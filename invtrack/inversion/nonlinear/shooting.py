@@ -1,0 +1,210 @@
+"""Multiple shooting for a motion whose outputs are given: Newton's method on states at nodes and inputs on elements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from invtrack.arrays import Array, Indices
+from invtrack.inversion.nonlinear.boundary_value import solve_bidiagonal
+from invtrack.inversion.nonlinear.elements import ElementMaps, Scheme, element_maps
+from invtrack.inversion.nonlinear.ends import End
+from invtrack.inversion.nonlinear.mesh import Mesh
+from invtrack.plans.dynamics import Derivatives, Dynamics
+
+T = TypeVar("T")
+
+MOST_ITERATIONS = 15
+
+GROWING = 3
+"""So many steps in a row, each longer than the one before it, are taken for divergence."""
+
+ROUNDING = 1e-7
+"""Steps below this that no longer fall are rounding: what is left is judged by what it makes of the outputs.
+
+Newton's method falls from here to rounding in one step; where it does not, rounding is all there is."""
+
+FLOOR = 1e-6
+"""A state counts as no smaller than this share of the largest, in balanced units."""
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One step of Newton's method.
+
+    amplitude: share of the motion that it was for. defect: largest gap between one element's end and the next one's start, as a
+    share of each state's peak. output: largest miss at the matched points, as a share of the motion of the outputs. step: largest
+    change of a state, as a share of its peak. elements: how many there were.
+    """
+
+    amplitude: float
+    defect: float
+    output: float
+    step: float
+    elements: int
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """States at the nodes of a mesh (N + 1, .) and coefficients of the inputs on its elements (N, s, m)."""
+
+    points: Array
+    coefficients: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Shooting:
+    """What a motion has to meet: x_(k+1) = Phi(x_k, c_k), outputs at their points, and the ends.
+
+    Args:
+        dynamics: of each interval.
+        mesh, scheme: elements, and polynomials and points on them.
+        wanted: outputs at the matched points (N, p, s).
+        motion_size: of the outputs (p,), by which misses are measured.
+        ends: where the motion starts and ends.
+    """
+
+    dynamics: Sequence[Dynamics]
+    mesh: Mesh
+    scheme: Scheme
+    wanted: Array
+    motion_size: Array
+    ends: tuple[End, End]
+
+    def nodes(self, motion: Motion, scheme: Scheme | None = None) -> Array:
+        """The states at the ends of the steps of all elements (N, S + 1, .)."""
+        basis = (scheme or self.scheme).basis
+        parts = self._by_interval(
+            lambda dynamics, chosen: dynamics.motion(
+                motion.points[:-1][chosen], motion.coefficients[chosen], basis, self.mesh.lengths[chosen]
+            )
+        )
+        return self._joined(parts)
+
+    def outputs(self, nodes: Array, inputs: Array) -> Array:
+        """Outputs (N, k, p) at nodes (N, k, .) with inputs (N, k, m)."""
+        count = nodes.shape[1]
+
+        def part(dynamics: Dynamics, chosen: Indices) -> Array:
+            y = dynamics.evaluate(_flat(nodes[chosen]), _flat(inputs[chosen]))[1]
+            return y.reshape(-1, count, y.shape[1])
+
+        return self._joined(self._by_interval(part))
+
+    def maps(self, motion: Motion, nodes: Array) -> ElementMaps:
+        """Derivatives of all elements along the motion."""
+        knots, scheme = self.scheme.knots, self.scheme
+        inputs = np.einsum("kim,ji->kjm", motion.coefficients, scheme.basis[2 * knots])
+
+        def part(dynamics: Dynamics, chosen: Indices) -> ElementMaps:
+            found: Derivatives = dynamics.derivatives(_flat(nodes[chosen][:, knots]), _flat(inputs[chosen]))
+            return element_maps(found, scheme, self.mesh.lengths[chosen])
+
+        parts = self._by_interval(part)
+        return ElementMaps(*(self._joined([(chosen, getattr(maps, name)) for chosen, maps in parts]) for name in _MAPS))
+
+    def misses(self, motion: Motion, nodes: Array) -> tuple[Array, Array]:
+        """Gaps Phi(x_k, c_k) - x_(k+1) (N, n), and outputs less those wanted (N, p, s) at the matched points."""
+        gaps = self.dynamics[0].difference(nodes[:, -1], motion.points[1:])
+        points = np.unique(self.scheme.points)
+        inputs = np.einsum("kim,ji->kjm", motion.coefficients, self.scheme.basis[2 * points])
+        y = self.outputs(nodes[:, points], inputs)
+        place = np.searchsorted(points, self.scheme.points)
+        reached = np.stack([y[:, place[i], i] for i in range(len(place))], axis=1)
+        away = self.dynamics[0].output_difference(reached.transpose(0, 2, 1), self.wanted.transpose(0, 2, 1))
+        return gaps, away.transpose(0, 2, 1)
+
+    def departures(self, motion: Motion) -> Array:
+        """Of the states from rest at the start (N + 1, n)."""
+        origin = np.broadcast_to(self.ends[0].rest.point, motion.points.shape)
+        return self.dynamics[0].difference(motion.points, origin)
+
+    def sizes(self, motion: Motion) -> Array:
+        """Peaks of the states (n,), those that hardly move by others' in balanced units."""
+        peaks = np.max(np.abs(self.departures(motion)), axis=0)
+        scale = self.ends[0].scale
+        largest = float(np.max(peaks / scale))
+        return np.asarray(np.maximum(peaks, FLOOR * largest * scale) if largest > 0 else scale)
+
+    def step(self, motion: Motion, nodes: Array, gaps: Array, away: Array) -> tuple[Array, Array]:
+        """Newton's changes of states (N + 1, n) and coefficients (N, s m). Raises LinAlgError where there is none."""
+        maps = self.maps(motion, nodes)
+        back, gain = maps.inverse
+        wanting = np.einsum("kij,kj->ki", gain, away.reshape(len(away), -1))
+        b = gaps - np.einsum("kij,kj->ki", maps.end_c, wanting)
+        (start, end), d = self.ends, self.dynamics[0].difference
+        L, R = start.start_rows(), end.end_rows()
+        left = -L @ d(motion.points[:1], start.rest.point[None])[0]
+        right = -R @ d(motion.points[-1:], end.rest.point[None])[0]
+        change = solve_bidiagonal(maps.exact, b, (L, left), (R, right), start.scale)
+        return change, -wanting - np.einsum("kij,kj->ki", back, change[:-1])
+
+    def moved(self, motion: Motion, states: Array, coefficients: Array) -> Motion:
+        """The motion changed by tangents (N + 1, n) and coefficients (N, s m)."""
+        points = self.dynamics[0].retract(motion.points, states)
+        return Motion(points, motion.coefficients + coefficients.reshape(motion.coefficients.shape))
+
+    def solve(self, motion: Motion, amplitude: float, tolerance: float) -> tuple[Motion | None, list[Iteration]]:
+        """Newton's method from a motion, until a step is below the tolerance, and its log; None where it does not get there."""
+        log: list[Iteration] = []
+        growing, last = 0, np.inf
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            for _ in range(MOST_ITERATIONS):
+                nodes = self.nodes(motion)
+                gaps, away = self.misses(motion, nodes)
+                if not (np.all(np.isfinite(nodes)) and np.all(np.isfinite(away))):
+                    return None, log
+                try:
+                    states, coefficients = self.step(motion, nodes, gaps, away)
+                except (np.linalg.LinAlgError, ValueError):  # scipy says ValueError of what is not finite
+                    return None, log
+                motion = self.moved(motion, states, coefficients)
+                size = self.sizes(motion)
+                step = float(np.max(np.abs(states) / size))
+                defect = float(np.max(np.abs(gaps) / size))
+                missed = float(np.max(np.abs(away) / np.where(self.motion_size > 0, self.motion_size, np.inf)[:, None]))
+                log.append(Iteration(amplitude, defect, missed, step, len(self.mesh)))
+                if not np.isfinite(step):
+                    return None, log
+                if step <= tolerance or (last <= ROUNDING and step > last / 4):
+                    return motion, log
+                growing = growing + 1 if step > last else 0
+                last = step
+                if growing >= GROWING:
+                    return None, log
+        return None, log
+
+    def with_wanted(self, wanted: Array, end: End) -> Shooting:
+        """The same for other outputs and another end."""
+        return replace(self, wanted=wanted, ends=(self.ends[0], end))
+
+    def _by_interval(self, work: Callable[[Dynamics, Indices], T]) -> list[tuple[Indices, T]]:
+        """[(elements, work(dynamics, elements))] for each interval that has elements."""
+        found = []
+        for k in np.unique(self.mesh.interval):
+            chosen = np.flatnonzero(self.mesh.interval == k)
+            found.append((chosen, work(self.dynamics[k], chosen)))
+        return found
+
+    def _joined(self, parts: Sequence[tuple[Indices, Array]]) -> Array:
+        result = np.empty((len(self.mesh), *parts[0][1].shape[1:]))
+        for chosen, values in parts:
+            result[chosen] = values
+        return result
+
+
+_MAPS = ("end_x", "end_c", "out_x", "out_c")
+
+
+def _flat(values: Array) -> Array:
+    return values.reshape(-1, values.shape[-1])
+
+
+def at_rest(end: End, mesh: Mesh, scheme: Scheme) -> Motion:
+    """The motion that stays where it starts."""
+    coefficients = np.zeros((len(mesh), scheme.count, len(end.rest.inputs)))
+    coefficients[:, 0] = end.rest.inputs
+    return Motion(np.repeat(end.rest.point[None], len(mesh) + 1, axis=0), coefficients)

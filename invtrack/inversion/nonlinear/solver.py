@@ -1,0 +1,194 @@
+"""From a problem to the motion that meets it: mesh and window, continuation, refinement."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from invtrack.arrays import Array
+from invtrack.errors import PlanError
+from invtrack.inversion.nonlinear.certificate import state_sizes
+from invtrack.inversion.nonlinear.choice import Choice, choose
+from invtrack.inversion.nonlinear.continuation import Progress, follow
+from invtrack.inversion.nonlinear.decoupling import require_hold_of_outputs
+from invtrack.inversion.nonlinear.elements import Scheme
+from invtrack.inversion.nonlinear.ends import NEUTRAL, End
+from invtrack.inversion.nonlinear.mesh import Mesh
+from invtrack.inversion.nonlinear.problem import MotionProblem
+from invtrack.inversion.nonlinear.refinement import DenseError, carried_over, dense_error, parts_for, steps_for, wanted_at
+from invtrack.inversion.nonlinear.rest import rest_with
+from invtrack.inversion.nonlinear.shooting import Iteration, Motion, Shooting, at_rest
+
+COUNT = 4
+"""Coefficients of each input on an element."""
+
+ELEMENTS = 50
+"""Elements of the manoeuvre, at least, before refinement."""
+
+FASTEST = 1.0
+"""Step of the integration times the fastest mode [rad], at most: classical RK4 is stable up to 2.5."""
+
+LAYER = 12
+"""Elements of the window before and after the manoeuvre, at least: in these what the mesh adds of its own dies out."""
+
+WINDOW_SHARE = 0.3
+"""The window ends where the linear tails' error, the square of the share that is left, is this share of the accuracy."""
+
+MOST_ELEMENTS = 20_000
+"""Elements that are planned, at most."""
+
+WIDESPREAD = 0.25
+"""Where the integration is too coarse on fewer elements than this share, these are split; else all take shorter steps."""
+
+REFINEMENTS = 8
+"""Meshes that are tried, at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """The motion that meets its conditions, and the log of Newton's method."""
+
+    shooting: Shooting
+    motion: Motion
+    log: tuple[Iteration, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSolver:
+    """From a problem to its motion.
+
+    Args:
+        problem: mechanism, reference, changes.
+        accuracy: largest output error, as a share of the motion.
+        limits: longest preactuation and postactuation [s], or None.
+        progress: called with the share of the motion that has been found.
+    """
+
+    problem: MotionProblem
+    accuracy: float
+    limits: tuple[float | None, float | None]
+    progress: Progress | None
+
+    def refined(self) -> Solution:
+        """The motion with continuous inputs on each stretch, on a mesh that meets the accuracy. Raises PlanError."""
+        choice = choose(self.problem, COUNT, self._length(), fixed=False)
+        mesh = Mesh.even(self._stops(choice.length), self.problem.switch_times, choice.length)
+        solution = self._followed(choice.scheme, mesh)
+        for _ in range(REFINEMENTS):
+            solution = self._sized(solution)
+            error = dense_error(solution.shooting, solution.motion, self.problem.reference)
+            if error.worst <= self.accuracy:
+                return solution
+            finer = self._finer(solution, choice, error)
+            if finer is None:
+                break
+            choice, solution = finer
+        error = dense_error(solution.shooting, solution.motion, self.problem.reference)
+        k, mesh = int(np.argmax(np.maximum(error.output, error.defect))), solution.shooting.mesh
+        raise PlanError(
+            f"the mesh does not get fine enough: with {len(mesh)} elements the error is {error.worst:.1e} of the motion at "
+            f"t = {mesh.edges[k]:.6g} s, accuracy={self.accuracy:g} asks for less; ask for no more than can be had, or for a "
+            "smoother reference"
+        )
+
+    def _finer(self, solution: Solution, choice: Choice, error: DenseError) -> tuple[Choice, Solution] | None:
+        """The motion on a finer mesh, or with finer integration on the same one; None where neither helps."""
+        shooting = solution.shooting
+        both = np.maximum(error.output, error.defect)
+        few = np.mean(error.defect > self.accuracy) < WIDESPREAD
+        parts = choice.allowed(parts_for(both if few else error.output, self.accuracy, COUNT + 1), shooting.mesh)
+        factor = 1 if few and np.any(parts > 1) else steps_for(error.defect, self.accuracy)
+        if factor > 1:
+            choice, mesh, guess = choice.with_steps(factor), shooting.mesh, solution.motion
+        else:
+            mesh, owner, shares = shooting.mesh.split(parts)
+            if np.all(parts == 1) or len(mesh) > MOST_ELEMENTS:
+                return None
+            guess = carried_over(shooting, solution.motion, owner, shares)
+        conditions = self._conditions(choice.scheme, mesh, 1.0)
+        if conditions is None:
+            return None
+        motion, log = conditions.solve(guess, 1.0, self._newton_tolerance)
+        return None if motion is None else (choice, Solution(conditions, motion, solution.log + tuple(log)))
+
+    def held(self, hold: float) -> Solution:
+        """The motion with inputs that are constant over each hold, the outputs met once in each."""
+        choice = choose(self.problem, 1, hold, fixed=True)
+        mesh = Mesh.even(self._stops(choice.length), self.problem.switch_times, hold)
+        if len(mesh) > MOST_ELEMENTS:
+            raise PlanError(
+                f"with hold={hold:g} s the plan takes {len(mesh)} holds, of which {MOST_ELEMENTS} are planned at most; take a "
+                "longer hold, a shorter motion, or limit max_preactuation and max_postactuation"
+            )
+        return self._sized(self._followed(choice.scheme, mesh))
+
+    @property
+    def _newton_tolerance(self) -> float:
+        return min(1e-8, 1e-2 * self.accuracy)
+
+    def _length(self) -> float:
+        """Of the elements before refinement [s]."""
+        begin, end = self.problem.manoeuvre
+        fastest = max(float(np.max(np.abs(np.linalg.eigvals(model.A)))) for model in self.problem.linear_models)
+        lengths = [(end - begin) / ELEMENTS] if end > begin else []
+        lengths += [FASTEST * Scheme(COUNT, ()).steps / fastest] if fastest > 0 else []
+        return min(lengths, default=1.0)
+
+    def _stops(self, length: float) -> Array:
+        """The ends of the window, and what lies between them at which the motion is not smooth [s]; length [s]: of elements."""
+        edges, zeros = self.problem.stops, self.problem.zeros
+        enough, least = np.log(1.0 / np.sqrt(WINDOW_SHARE * self.accuracy)), LAYER * length
+        windows = []
+        for found, sign, limit in ((zeros[0], 1, self.limits[0]), (zeros[-1], -1, self.limits[1])):
+            rates = sign * found.real
+            slowest = float(np.min(rates[rates * length > NEUTRAL], initial=np.inf))
+            window = max(least, enough / slowest)
+            windows.append(window if limit is None else max(least, min(window, limit)))
+        counts = np.ceil(np.array(windows) / length)
+        return np.concatenate([[edges[0] - counts[0] * length], edges, [edges[-1] + counts[1] * length]])
+
+    def _conditions(self, scheme: Scheme, mesh: Mesh, amplitude: float) -> Shooting | None:
+        """The conditions for a share of the motion; None where its end has no equilibrium, or no such one as the start."""
+        problem, last = self.problem, self.problem.rests[-1]
+        start = problem.rests[0]
+        first, final = problem.held_outputs
+        if amplitude < 1.0:
+            found = rest_with(problem.last_dynamics, first + amplitude * (final - first), start)
+            if found is None:
+                return None
+            last = found
+        ends = (
+            End.of(problem.dynamics[0], start, scheme, float(mesh.lengths[0]), problem.zeros[0]),
+            End.of(problem.last_dynamics, last, scheme, float(mesh.lengths[-1]), problem.zeros[-1]),
+        )
+        if ends[0].expanding != ends[1].expanding:
+            return None
+        wanted = wanted_at(mesh, problem.reference, np.arange(1, scheme.steps + 1) / scheme.steps)
+        wanted = first + amplitude * (wanted - first)
+        matched = np.stack([wanted[:, scheme.points[i] - 1, i] for i in range(wanted.shape[2])], axis=1)
+        return Shooting(problem.dynamics, mesh, scheme, matched, problem.motion_size, ends)
+
+    def _followed(self, scheme: Scheme, mesh: Mesh) -> Solution:
+        whole = self._conditions(scheme, mesh, 1.0)
+        if whole is None:
+            raise PlanError("elements of unlike lengths at the ends have unlike numbers of expanding multipliers; plan with a hold")
+        first = at_rest(whole.ends[0], mesh, scheme)
+        found = follow(lambda amplitude: self._conditions(scheme, mesh, amplitude), first, self._newton_tolerance, self.progress)
+        if found.motion is not None:
+            require_hold_of_outputs(found.shooting, found.motion, self.problem.relative_degree, found.amplitude)
+        if found.motion is None or found.amplitude < 1.0:
+            raise PlanError(
+                f"no motion found: Newton's method follows it up to {found.amplitude:.3g} of the way from rest ({len(found.log)} "
+                "steps); beyond, the inverse may cease to exist (an actuator that loses its effect, a posture that turns over). "
+                "Ask for a smaller or slower motion, or go by way of another posture"
+            )
+        return Solution(found.shooting, found.motion, found.log)
+
+    def _sized(self, solution: Solution) -> Solution:
+        """With sizes also for outputs that are to stay still: what the states could make of them."""
+        shooting, motion, models = solution.shooting, solution.motion, self.problem.linear_models
+        moves = self.problem.motion_size
+        possible = np.abs(models[0].C) @ state_sizes(shooting, motion, self.problem.model(shooting.mesh.edges))
+        size = np.where(moves > 0, moves, np.where(possible > 0, possible, 1.0))
+        return replace(solution, shooting=replace(shooting, motion_size=size))

@@ -1,0 +1,147 @@
+"""Exact output tracking on the nonlinear motion of a mechanism: stable inversion by multiple shooting."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from invtrack.arrays import real_number, require_duration, require_share
+from invtrack.errors import PlanError
+from invtrack.inversion.nonlinear.certificate import MotionChecks, certify_motion, input_jump, state_sizes
+from invtrack.inversion.nonlinear.continuation import Progress
+from invtrack.inversion.nonlinear.decoupling import require_hold_of_outputs
+from invtrack.inversion.nonlinear.problem import MotionProblem
+from invtrack.inversion.nonlinear.shooting import Iteration
+from invtrack.inversion.nonlinear.solver import MotionSolver, Solution
+from invtrack.inversion.nonlinear.tails import linear_tail
+from invtrack.inversion.nonlinear.trajectory import trajectory_of
+from invtrack.plans.actuation import ringing
+from invtrack.plans.certificate import Certificate
+from invtrack.plans.dynamics import Mechanism, ScheduledChange
+from invtrack.plans.plan import Plan
+from invtrack.plans.problem import actuation_times, left_out_of
+from invtrack.references.signal import PiecewiseSignal
+
+SLACK = 10.0
+"""A plan may miss its equations, replayed, by so many times the accuracy that its mesh was made for."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MotionPlan(Plan):
+    """A plan of `invert` for the nonlinear motion of a plant.
+
+    Args:
+        iterations: every step of Newton's method, refinements of the mesh among them.
+        checks: what the plan was judged by, beside its certificate.
+    """
+
+    iterations: tuple[Iteration, ...] = ()
+    checks: MotionChecks = field(default_factory=lambda: MotionChecks(0.0, np.inf, None, 0.0, 0))
+
+
+def invert_motion(
+    mechanism: Mechanism,
+    reference: PiecewiseSignal,
+    *,
+    schedule: Sequence[ScheduledChange] = (),
+    accuracy: float = 1e-8,
+    hold: float | None = None,
+    tolerance: float = 1e-10,
+    max_preactuation: float | None = None,
+    max_postactuation: float | None = None,
+    progress: Progress | None = None,
+) -> MotionPlan:
+    """The bounded input and state with which the outputs of a mechanism follow `reference` exactly; see `invtrack.invert`.
+
+    Args:
+        mechanism: at an equilibrium in which the reference begins.
+        reference: from rest to rest, absolute.
+        schedule: changes of its parameters.
+        accuracy: largest output error between the points where it is matched, as a share of the motion.
+        hold: period of a zero-order hold that drives the mechanism [s].
+        tolerance: what counts as rest, as a share of peaks.
+        max_preactuation, max_postactuation: limit these [s].
+        progress: called with the share of the motion that has been found.
+    """
+    for name, share in (("accuracy", accuracy), ("tolerance", tolerance)):
+        require_share(name, share, error=PlanError)
+    if hold is not None:
+        require_duration("hold", hold, error=PlanError)
+    limits = []
+    for name, limit in (("max_preactuation", max_preactuation), ("max_postactuation", max_postactuation)):
+        if limit is not None and not real_number(name, limit, unit="s", error=PlanError) >= 0:
+            raise PlanError(f"{name} must not be negative, got {limit}")
+        limits.append(limit)
+    problem = MotionProblem.of(mechanism, reference, schedule)
+    solver = MotionSolver(problem, accuracy, (limits[0], limits[1]), progress)
+    solution = solver.refined() if hold is None else solver.held(hold)
+    plan = _plan(problem, solution, accuracy=accuracy, tolerance=tolerance, limits=(limits[0], limits[1]), hold=hold)
+    rings = ringing(plan)
+    return plan if rings is None else replace(plan, ringing=rings, remarks=(*plan.remarks, rings.remark))
+
+
+def _plan(
+    problem: MotionProblem,
+    solution: Solution,
+    *,
+    accuracy: float,
+    tolerance: float,
+    limits: tuple[float | None, float | None],
+    hold: float | None,
+) -> MotionPlan:
+    """The plan for a motion, confirmed by the simulator.
+
+    Args:
+        problem, solution: what was asked for, and the motion that was found.
+        accuracy, tolerance, hold: see `invert_motion`.
+        limits: longest preactuation and postactuation [s], or None.
+    """
+    shooting, motion, mesh = solution.shooting, solution.motion, solution.shooting.mesh
+    decoupling = require_hold_of_outputs(shooting, motion, problem.relative_degree, 1.0)
+    model = problem.model(mesh.edges)
+    away = problem.dynamics[0].states(motion.points[[0, -1]]) - model.rest_states[[0, -1]]
+    size = state_sizes(shooting, motion, model)
+    before = linear_tail(problem.linear_models[0], away[0], size, "before")
+    after = linear_tail(problem.linear_models[-1], away[1], size, "after")
+    trajectory = trajectory_of(shooting, motion, model, (before, after))
+    for k, dynamics in enumerate(problem.dynamics):
+        chosen = np.flatnonzero(mesh.interval == k)
+        dynamics.require_free(motion.points[chosen], motion.coefficients[chosen, 0])
+    certificate = certify_motion(shooting, motion, trajectory, model, problem.reference)
+    _require(certificate, SLACK * accuracy, exact=hold is None)
+    checks = MotionChecks(
+        rest_residual=max(rest.residual for rest in problem.rests),
+        gap=min(end.gap for end in shooting.ends),
+        decoupling=decoupling,
+        input_jump=input_jump(mesh, trajectory, model, problem.stops),
+        elements=len(mesh),
+    )
+    preactuation, postactuation, limited = actuation_times(trajectory, problem.manoeuvre, tolerance, limits)
+    held = () if hold is None else (f"planned for a zero-order hold of {hold:g} s: inputs are constant over each",)
+    return MotionPlan(
+        method="stable inversion of the nonlinear plant",
+        model=model,
+        reference=problem.reference,
+        trajectory=trajectory,
+        manoeuvre=problem.manoeuvre,
+        preactuation=preactuation,
+        postactuation=postactuation,
+        tolerance=tolerance,
+        certificate=certificate,
+        remarks=(*limited, *held, *left_out_of(model)),
+        difference=problem.mechanism.state_difference if problem.mechanism.turns else None,
+        iterations=solution.log,
+        checks=checks,
+    )
+
+
+def _require(certificate: Certificate, limit: float, *, exact: bool) -> None:
+    """Raises PlanError for a plan that its replay does not confirm; exact: whether y = y_d holds between the points, too."""
+    if not certificate.worst(exact=exact) <= limit:
+        raise PlanError(
+            f"the plan is not confirmed by the simulator: replayed from its own states it misses them or its outputs by more than "
+            f"{limit:.1e} of their size ({certificate}); a clamp, a stop or a contact may act on the way, or the plant may not be "
+            "smooth there. Ask for a motion that stays clear of it, or for less accuracy"
+        )
