@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from itertools import pairwise
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -18,7 +19,6 @@ from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.dynamics import Derivatives, Mechanism, mechanism
-from invtrack.plant.compiled import Machine, evaluate, integrate, machine, perturbed
 from invtrack.plant.configuration import configuration_of, state_of, tangent_units
 from invtrack.plant.couplings import mujoco_callbacks
 from invtrack.plant.linearizable import refuse_constraints, refuse_step_maps
@@ -26,6 +26,9 @@ from invtrack.plant.linearize import linearize
 from invtrack.plant.plant import Plant
 from invtrack.plant.readings import Attitude, Distance, Entry, Reading, RotationVector
 from invtrack.plant.smooth_model import smooth_model
+
+if TYPE_CHECKING:
+    from invtrack.plant.compiled import Machine
 
 STEP = 2.0**-17
 """Perturbation of states and inputs in central differences, in radians, metres (of small mechanisms: extents) and their rates."""
@@ -85,7 +88,7 @@ class PlantDynamics:
     @cached_property
     def _machines(self) -> tuple[Machine, ...]:
         return tuple(
-            machine(
+            _loops().machine(
                 self._model,
                 data,
                 inputs=self.plant.input_addresses,
@@ -128,7 +131,7 @@ class PlantDynamics:
         given = [np.ascontiguousarray(array, dtype=float) for array in (points, coefficients, lengths)]
 
         def work(own: Machine, part: slice) -> None:
-            integrate(own, given[0][part], given[1][part], np.ascontiguousarray(basis), given[2][part], nodes[part])
+            _loops().integrate(own, given[0][part], given[1][part], np.ascontiguousarray(basis), given[2][part], nodes[part])
 
         self._shared(work, len(points))
         return nodes
@@ -138,7 +141,11 @@ class PlantDynamics:
         points, inputs = np.ascontiguousarray(points), np.ascontiguousarray(inputs)
         nq, nv = self._model.nq, self._model.nv
         accelerations, raw = np.empty((len(points), self.size - nv)), np.empty((len(points), self._outputs.count))
-        self._shared(lambda own, part: evaluate(own, points[part], inputs[part], accelerations[part], raw[part]), len(points))
+
+        def work(own: Machine, part: slice) -> None:
+            _loops().evaluate(own, points[part], inputs[part], accelerations[part], raw[part])
+
+        self._shared(work, len(points))
         return np.hstack([points[:, nq : nq + nv], accelerations]), self._outputs.values(raw)
 
     def derivatives(self, points: Array, inputs: Array) -> Derivatives:
@@ -166,7 +173,7 @@ class PlantDynamics:
         accelerations, raw = np.empty((*shape, self.size - self._model.nv)), np.empty((*shape, self._outputs.count))
 
         def work(own: Machine, part: slice) -> None:
-            perturbed(own, points[part], inputs[part], steps, accelerations[part], raw[part])
+            _loops().perturbed(own, points[part], inputs[part], steps, accelerations[part], raw[part])
 
         self._shared(work, len(points))
         outputs = self._outputs.values(raw.reshape(-1, self._outputs.count)).reshape(*shape, -1)
@@ -324,6 +331,12 @@ class PlantMechanism:
         x0 = plant.configuration.x0
         at, reference = (configuration_of(model, x0, plant.coordinates_of(each)) for each in (x, x_ref))
         return state_of(model, np.concatenate(reference), *at)[plant.state_addresses]
+
+
+@cache
+def _loops() -> Any:
+    """The compiled loops, loaded where they are first used: numba takes as long to load as MuJoCo."""
+    return importlib.import_module("invtrack.plant.compiled")
 
 
 @mechanism.register

@@ -47,8 +47,8 @@ def certify_motion(
 
     Elements start in the plan's states and are driven by its inputs. dynamics_residual: how far they are then from the plan's
     states, on the way and at the end, as a share of their peaks; output_error: their outputs less those wanted, and less those
-    planned; continuity: jumps of the plan's states at its breakpoints; rest_residual: how much the states outside the window still
-    differ from rest where they are said to be at rest.
+    planned; continuity: jumps of the plan's states at its breakpoints; rest_residual: what is held outside the window but is not at
+    rest, by its rates of change.
 
     Args:
         shooting, motion: the conditions, and the motion that meets them.
@@ -78,7 +78,7 @@ def certify_motion(
         defect = max(defect, float(np.max(np.abs(states - x[here]) / size)))
         for other in (wanted[here], y[here]):
             missed = max(missed, float(np.max(np.abs(dynamics.output_difference(outputs, other)) / shooting.motion_size)))
-    return Certificate(defect, missed, _continuity(trajectory, model, size), _outside(trajectory, size))
+    return Certificate(defect, missed, _continuity(trajectory, model, size), _unrest(trajectory, model, size))
 
 
 def state_sizes(shooting: Shooting, motion: Motion, model: SwitchedSystem) -> Array:
@@ -113,7 +113,10 @@ def _continuity(trajectory: Trajectory, model: SwitchedSystem, size: Array) -> f
     return float(np.max(np.abs(right - left) / size))
 
 
-def _outside(trajectory: Trajectory, size: Array) -> float:
-    """How far the tails' held states are from rest, as a share of peaks, but for what may stand anywhere."""
-    n = len(size)
-    return max(float(np.max(np.abs(tail.X_w[:n] @ tail.w) / size)) for tail in (trajectory.before,))
+def _unrest(trajectory: Trajectory, model: SwitchedSystem, size: Array) -> float:
+    """What the tails hold, but is not at rest: its rates of change, as shares of what states of full size would make of them."""
+    n, worst = len(size), 0.0
+    for tail, system in ((trajectory.before, model.systems[0]), (trajectory.after, model.systems[-1])):
+        rates, terms = np.abs(system.A @ tail.held[:n]), np.abs(system.A) @ size
+        worst = max(worst, float(np.max(rates / np.where(terms > 0, terms, 1.0))))
+    return worst

@@ -25,8 +25,11 @@ from invtrack.references.signal import PiecewiseSignal
 POSTURES = 33
 """Postures at rest along the reference that lead from its start to its end."""
 
+AWAY = 1e-6
+"""The operating point is an equilibrium where the nearest one is no further away (radians, metres, shares of inputs)."""
+
 HELD = 1e-12
-"""A reference is at rest where its rate is below this share of its size per second of the manoeuvre."""
+"""A reference holds still where its state changes by less than this share of the terms that make up the change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,19 +201,16 @@ def _intervals(mechanism: Mechanism, schedule: Sequence[ScheduledChange]) -> tup
 
 def _held_outputs(reference: PiecewiseSignal) -> tuple[Array, Array]:
     """Outputs held before and after. Raises TrajectoryError for a reference that goes on moving."""
+    for end, side in ((0, "before"), (-1, "after")):
+        S, w = reference.generators[reference.kind[end]].S, reference.anchors[end]
+        w = w[: len(S)]
+        if np.any(np.abs(S @ w) > HELD * np.abs(S) @ np.abs(w)):
+            raise TrajectoryError(
+                f"the reference goes on moving {side} its breakpoints; a plan on a nonlinear motion leads from rest to rest, as "
+                "invtrack.rest_to_rest and invtrack.sampled_reference do"
+            )
     edges = reference.breakpoints
-    span = max(float(edges[-1] - edges[0]), np.finfo(float).tiny)
-    held: list[Array] = []
-    for time, side in ((edges[0] - span, "before"), (edges[-1] + span, "after")):
-        for order in (1, 2):
-            rate = np.abs(reference([time], derivative=order)[0]) * span**order
-            if np.any(rate > HELD * np.where(reference.size(0) > 0, reference.size(0), 1.0)):
-                raise TrajectoryError(
-                    f"the reference moves on {side} its breakpoints; a plan on a nonlinear motion leads from rest to rest, as "
-                    "invtrack.rest_to_rest and invtrack.sampled_reference do"
-                )
-        held.append(reference([time])[0])
-    return held[0], held[1]
+    return reference(edges[:1] - 1.0)[0], reference(edges[-1:] + 1.0)[0]
 
 
 def _start(mechanism: Mechanism, dynamics: Dynamics, outputs: Array) -> Rest:
@@ -225,8 +225,11 @@ def _start(mechanism: Mechanism, dynamics: Dynamics, outputs: Array) -> Rest:
             f"the reference begins at {outputs.tolist()}, the plant stands at {reached[0].tolist()}; references are absolute: let "
             f"yours begin there, or plan from where it begins: {call}"
         )
-    distance = np.inf if found is None else float(np.max(np.abs(dynamics.difference(found.point[None], point[None]))))
-    if found is None or distance > 1e-6:
+    distance = np.inf
+    if found is not None:
+        moved = np.concatenate([dynamics.difference(found.point[None], point[None])[0], found.inputs - inputs])
+        distance = float(np.max(np.abs(moved) / np.maximum(1.0, np.concatenate([np.zeros(dynamics.size), np.abs(found.inputs)]))))
+    if found is None or distance > AWAY:
         raise PlanError(
             f"the operating point of plant {mechanism.name!r} is no equilibrium: its state changes at rates of up to "
             f"{np.max(np.abs(rates)):.3g} (SI units); plan from one: {call}"

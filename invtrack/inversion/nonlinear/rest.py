@@ -12,8 +12,8 @@ from invtrack.plans.dynamics import Dynamics
 
 ITERATIONS = 30
 
-SETTLED = 1e-12
-"""The last step of the search, as a share of the largest it took (or of 1 in radians and metres)."""
+SHORTEST = 2.0**-20
+"""Where no larger share of a step reduces the residual, it is as small as rounding allows, or there is no equilibrium."""
 
 RESIDUAL = 1e-9
 """Rates and outputs of an equilibrium, as a share of the terms that cancel in them."""
@@ -35,34 +35,36 @@ def rest_with(dynamics: Dynamics, outputs: Array, near: Rest) -> Rest | None:
     """The equilibrium with these outputs (p,) that Gauss-Newton finds from a near one; None where it finds none.
 
     f(x, u) = 0, h(x, u) = y: each step is the shortest one to first order, in scaled units, so that what is left open (where a
-    vehicle stands) stays.
+    vehicle stands) stays; of a step that does not reduce the residual a smaller share is taken.
     """
     point, u, n = near.point[None], near.inputs[None], dynamics.size
-    longest = 1.0
+
+    def residual(point: Array, u: Array) -> Array:
+        rates, reached = dynamics.evaluate(point, u)
+        return np.concatenate([rates[0], dynamics.output_difference(reached[0], outputs)])
+
+    left = residual(point, u)
     for _ in range(ITERATIONS):
         found = dynamics.derivatives(point, u)
-        residual = np.concatenate([found.rates[0], dynamics.output_difference(found.outputs[0], outputs)])
         J = np.block([[found.A[0], found.B[0]], [found.C[0], found.D[0]]])
-        if not (np.all(np.isfinite(J)) and np.all(np.isfinite(residual))):
+        if not (np.all(np.isfinite(J)) and np.all(np.isfinite(left))):
             return None
-        rows = np.max(np.abs(J), axis=1)
-        rows = np.where(rows > 0, rows, 1.0)
-        scaled = J / rows[:, None]
-        columns = np.max(np.abs(scaled), axis=0)
-        columns = np.where(columns > 0, columns, 1.0)
-        step = scipy.linalg.lstsq(scaled / columns, -residual / rows, cond=CUT)[0]
-        size = float(np.max(np.abs(step)))
-        longest = max(longest, size)
-        if size > 1.0:  # a posture may be far, but the linear model of it is not to be trusted further
-            step /= size
-        point, u = dynamics.retract(point, (step / columns)[None, :n]), u + (step / columns)[None, n:]
-        if size <= SETTLED * longest:
+        rows = _largest(J, axis=1)
+        columns = _largest(J / rows[:, None], axis=0)
+        step = scipy.linalg.lstsq(J / rows[:, None] / columns, -left / rows, cond=CUT)[0] / columns
+        share = 1.0
+        while share >= SHORTEST:
+            moved, inputs = dynamics.retract(point, share * step[None, :n]), u + share * step[None, n:]
+            after = residual(moved, inputs)
+            if np.linalg.norm(after / rows) < np.linalg.norm(left / rows):
+                break
+            share /= 2
+        if share < SHORTEST:
             break
-    rates, reached = dynamics.evaluate(point, u)
-    left = np.abs(np.concatenate([rates[0], dynamics.output_difference(reached[0], outputs)]))
+        point, u, left = moved, inputs, after
     terms = np.abs(J) @ np.concatenate([np.ones(n), np.maximum(np.abs(u[0]), 1.0)])
-    share = float(np.max(left / np.where(terms > 0, terms, 1.0)))
-    return Rest(point[0], u[0], share) if share <= RESIDUAL else None
+    worst = float(np.max(np.abs(left) / np.where(terms > 0, terms, 1.0)))
+    return Rest(point[0], u[0], worst) if worst <= RESIDUAL else None
 
 
 def rests_along(dynamics: Dynamics, outputs: Array, near: Rest) -> list[Rest | None]:
@@ -73,3 +75,9 @@ def rests_along(dynamics: Dynamics, outputs: Array, near: Rest) -> list[Rest | N
         near = near if rest is None else rest
         found.append(rest)
     return found
+
+
+def _largest(J: Array, axis: int) -> Array:
+    """Largest entry of each row or column, 1 for those without any."""
+    size = np.max(np.abs(J), axis=axis)
+    return np.where(size > 0, size, 1.0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from invtrack.arrays import real_number, require_duration, require_share
-from invtrack.errors import PlanError
+from invtrack.errors import NonHyperbolicError, PlanError
 from invtrack.inversion.nonlinear.certificate import MotionChecks, certify_motion, input_jump, state_sizes
 from invtrack.inversion.nonlinear.continuation import Progress
 from invtrack.inversion.nonlinear.decoupling import require_hold_of_outputs
@@ -17,12 +17,16 @@ from invtrack.inversion.nonlinear.shooting import Iteration
 from invtrack.inversion.nonlinear.solver import MotionSolver, Solution
 from invtrack.inversion.nonlinear.tails import linear_tail
 from invtrack.inversion.nonlinear.trajectory import trajectory_of
+from invtrack.linear.internal_dynamics import NOT_UNIQUE, format_zeros
 from invtrack.plans.actuation import ringing
 from invtrack.plans.certificate import Certificate
 from invtrack.plans.dynamics import Mechanism, ScheduledChange
 from invtrack.plans.plan import Plan
 from invtrack.plans.problem import actuation_times, left_out_of
 from invtrack.references.signal import PiecewiseSignal
+
+ON_AXIS = 1e-6
+"""A zero is on the imaginary axis where its real part is below this share of its size: models are found by differences."""
 
 SLACK = 10.0
 """A plan may miss its equations, replayed, by so many times the accuracy that its mesh was made for."""
@@ -110,6 +114,7 @@ def _plan(
         chosen = np.flatnonzero(mesh.interval == k)
         dynamics.require_free(motion.points[chosen], motion.coefficients[chosen, 0])
     certificate = certify_motion(shooting, motion, trajectory, model, problem.reference)
+    _require_rest(problem, certificate, SLACK * accuracy)
     _require(certificate, SLACK * accuracy, exact=hold is None)
     checks = MotionChecks(
         rest_residual=max(rest.residual for rest in problem.rests),
@@ -134,6 +139,24 @@ def _plan(
         difference=problem.mechanism.state_difference if problem.mechanism.turns else None,
         iterations=solution.log,
         checks=checks,
+    )
+
+
+def _require_rest(problem: MotionProblem, certificate: Certificate, limit: float) -> None:
+    """Raises NonHyperbolicError or PlanError for a motion that does not come to rest at its ends."""
+    if certificate.rest_residual <= limit:
+        return
+    zeros = np.concatenate([problem.zeros[0], problem.zeros[-1]])
+    on_axis = zeros[(np.abs(zeros.real) < ON_AXIS * np.abs(zeros)) & (zeros != 0)]
+    left = f"{certificate.rest_residual:.1e} of the motion is left at the ends of the plan"
+    if len(on_axis):
+        raise NonHyperbolicError(
+            f"the motion does not come to rest: {left}, in zeros on the imaginary axis ({format_zeros(on_axis)}), {NOT_UNIQUE}; "
+            "damp them, track another output, or choose a reference that leaves them at rest"
+        )
+    raise PlanError(
+        f"the motion does not come to rest: {left}, where its linear tails do not carry it; allow more preactuation and "
+        "postactuation, or ask for less accuracy"
     )
 
 

@@ -1,0 +1,128 @@
+"""Elements of time: what they do to the slow zeros and to errors, and mutants of the points and of the ends."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import invtrack
+from invtrack.inversion.nonlinear import choice as choosing
+from invtrack.inversion.nonlinear import ends
+from invtrack.inversion.nonlinear.boundary_value import solve_bidiagonal
+from invtrack.inversion.nonlinear.elements import Scheme, map_at_rest
+from invtrack.inversion.nonlinear.ends import End
+from invtrack.inversion.nonlinear.mesh import Mesh
+from invtrack.inversion.nonlinear.rest import Rest, rest_with
+from invtrack.plans.dynamics import Dynamics, mechanism
+from tests.inversion.nonlinear.mechanisms import cart_pole, flexible_joint, pvtol
+
+
+def at_rest(plant: invtrack.Plant) -> tuple[Dynamics, Rest]:
+    moving = mechanism(plant)
+    assert moving is not None
+    return moving.dynamics({}), Rest(*moving.operating_point, 0.0)
+
+
+def multipliers(plant: invtrack.Plant, scheme: Scheme, length: float) -> np.ndarray:
+    dynamics, rest = at_rest(plant)
+    return np.linalg.eigvals(map_at_rest(dynamics, rest.point, rest.inputs, scheme, length).exact[0])
+
+
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_slow_zeros_show_as_their_exponentials(count: int) -> None:
+    plant, length = cart_pole(), 0.02
+    found = multipliers(plant, Scheme(count, (False,)), length)
+    for zero in invtrack.linear.zeros(invtrack.linearize(plant)):
+        assert np.min(np.abs(found - np.exp(zero * length))) < 1e-4 * length
+
+
+def test_sampling_zeros_of_a_double_integrator() -> None:
+    """Of two matched points, symmetric inside: r = 2 has one mode that decays and one that grows, by 12.6 per element."""
+    sizes = np.sort(np.abs(multipliers(cart_pole(), Scheme(2, (False,)), 0.02)))
+    assert sizes[0] == pytest.approx(0.079, abs=1e-3)
+    assert sizes[-1] == pytest.approx(12.6, abs=0.05)
+
+
+def test_the_wrong_points_put_a_multiplier_on_the_unit_circle() -> None:
+    sizes = np.abs(multipliers(pvtol(), Scheme(4, (True, True)), 0.02))
+    assert np.min(np.abs(sizes - 1)) < 1e-6
+
+
+@pytest.mark.parametrize(("make", "at_end"), [(cart_pole, (False,)), (pvtol, (False, False)), (flexible_joint, (False,))])
+def test_points_are_chosen_by_the_gap(make: object, at_end: tuple[bool, ...]) -> None:
+    plan = invtrack.invert(make(), _reference(make()))  # type: ignore[operator]
+    assert plan.checks.gap > 1.0
+
+
+def _reference(plant: invtrack.Plant) -> invtrack.PiecewiseSignal:
+    motions = [invtrack.rest_to_rest(0.0, 0.1, duration=1.0, smoothness=5) for _ in plant.outputs.names]
+    return invtrack.references.stack(motions)
+
+
+def test_equilibria_are_found_with_what_is_open_left_alone() -> None:
+    dynamics, rest = at_rest(pvtol())
+    found = rest_with(dynamics, np.array([2.0, 1.0]), rest)
+    assert found is not None
+    np.testing.assert_allclose(found.point, [2.0, 1.0, 0, 0, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(found.inputs, [9.81, 0.0], atol=1e-12)
+
+
+def test_no_equilibrium_is_none() -> None:
+    hinge = """<mujoco><worldbody><body><joint name="q" type="hinge" axis="0 -1 0"/><geom type="capsule" fromto="0 0 0 1 0 0"
+    size=".02" mass="1"/><site name="tip" pos="1 0 0"/></body></worldbody>
+    <actuator><motor name="u" joint="q"/></actuator></mujoco>"""
+    plant = invtrack.Plant.from_xml(hinge, inputs=["u"], outputs=["site:tip:z"])
+    dynamics, rest = at_rest(plant)
+    assert rest_with(dynamics, np.array([1.5]), rest) is None
+
+
+def test_block_bidiagonal_problem_against_a_dense_solve() -> None:
+    rng = np.random.default_rng(0)
+    n, N, first = 5, 40, 3
+    decaying, growing = np.diag([0.2, 0.5, 0.9]), np.diag([3.0, 20.0])
+    M = np.array(
+        [basis @ scipy.linalg.block_diag(decaying, growing) @ np.linalg.inv(basis) for basis in rng.normal(size=(N, n, n))]
+    )
+    b, scale = rng.normal(size=(N, n)), 10.0 ** rng.uniform(-6, 6, n)
+    M, b = M * scale[:, None] / scale, b * scale
+    L, R = rng.normal(size=(first, n)) / scale, rng.normal(size=(n - first, n)) / scale
+    left, right = rng.normal(size=first), rng.normal(size=n - first)
+    found = solve_bidiagonal(M, b, (L, left), (R, right), scale)
+    np.testing.assert_allclose(L @ found[0], left, atol=1e-8)
+    np.testing.assert_allclose(R @ found[-1], right, atol=1e-8)
+    misses = (found[1:] - np.einsum("kij,kj->ki", M, found[:-1]) - b) / scale
+    assert np.max(np.abs(misses)) < 1e-9 * np.max(np.abs(found / scale))
+
+
+def test_elements_are_split_where_they_were() -> None:
+    mesh = Mesh.even(np.array([0.0, 1.0, 3.0]), np.array([1.0]), 0.5)
+    finer, owner, shares = mesh.split(np.array([1, 2, 1, 4, 1, 3]))
+    np.testing.assert_allclose(np.diff(finer.edges), finer.lengths)
+    assert set(mesh.edges) <= set(finer.edges)
+    np.testing.assert_array_equal(owner, [0, 1, 1, 2, 3, 3, 3, 3, 4, 5, 5, 5])
+    np.testing.assert_allclose(shares[1:3], [[0.0, 0.5], [0.5, 1.0]])
+    np.testing.assert_array_equal(finer.interval, mesh.interval[owner])
+
+
+def moved(distance: float = 1.0) -> invtrack.Plan:
+    return invtrack.invert(cart_pole(), invtrack.rest_to_rest(0.0, distance, duration=2.0))
+
+
+def test_mutant_points_of_the_wrong_parity_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(choosing, "candidate_schemes", lambda count, outputs: [Scheme(count, (True,) * outputs)])
+    with pytest.raises(invtrack.InvtrackError, match="unit circle"):
+        moved()
+
+
+def test_mutant_rows_of_the_other_end_do_not_come_to_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(End, "start_rows", End.end_rows, raising=True)
+    with pytest.raises(invtrack.InvtrackError):
+        moved()
+
+
+def test_mutant_that_misses_a_zero_does_not_come_to_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that runs the slow unstable zero forward from rest, like the stable ones, leaves it growing."""
+    monkeypatch.setattr(ends, "NEUTRAL", 0.2)  # exp(3.8 H) is below 1.2 for elements of 40 ms
+    with pytest.raises(invtrack.InvtrackError):
+        moved()
