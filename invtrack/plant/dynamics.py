@@ -232,7 +232,8 @@ class PlantDynamics:
         nq, nv = self._model.nq, self._model.nv
         ctrl = np.array(self.plant.configuration.ctrl)
         ctrl[self.plant.input_addresses] = inputs
-        return self.plant.at(qpos=point[:nq], qvel=point[nq : nq + nv], act=point[nq + nv :], ctrl=ctrl)
+        at_rest = np.zeros(nv)  # of an equilibrium velocities are rounding
+        return self.plant.at(qpos=point[:nq], qvel=at_rest, act=point[nq + nv :], ctrl=ctrl)
 
     def require_free(self, points: Array, inputs: Array) -> None:
         """Raises PlantError where a contact or a limit acts on the plant."""

@@ -58,6 +58,16 @@ PVTOL = model(
 )
 
 
+SATELLITE = model(
+    "satellite",
+    """<worldbody><body name="b"><freejoint name="f"/><inertial pos="0 0 0" mass="1.5" diaginertia=".3 .2 .1"/><site name="c"/></body>
+    </worldbody><actuator>"""
+    + "".join(f'<motor name="u{i}" site="c" gear="{" ".join("01"[i == j] for j in range(6))}"/>' for i in range(6))
+    + "</actuator>",
+    gravity="0 0 0",
+)
+
+
 def flexible_link(*, gravity: str = "0 0 0") -> str:
     """A rod of four parts on sprung hinges, with a payload at its tip."""
     inertia = " ".join(["3e-4"] * 3)
@@ -107,3 +117,9 @@ def link(*, hanging: bool = False) -> invtrack.Plant:
 def sideways(distance: float) -> invtrack.PiecewiseSignal:
     """For the PVTOL: to the side at constant height."""
     return stack([invtrack.rest_to_rest(0.0, distance, duration=2.0), invtrack.rest_to_rest(0.0, 0.0, duration=2.0)])
+
+
+def satellite() -> invtrack.Plant:
+    """A free body with a force and a torque along each of its own axes."""
+    outputs = [f"joint:f:{coordinate}" for coordinate in ("x", "y", "z", "rx", "ry", "rz")]
+    return invtrack.Plant.from_xml(SATELLITE, inputs=[f"u{i}" for i in range(6)], outputs=outputs)

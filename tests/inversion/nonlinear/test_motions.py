@@ -7,7 +7,15 @@ import pytest
 
 import invtrack
 from invtrack.references import stack
-from tests.inversion.nonlinear.mechanisms import cart_pole, flexible_joint, link, pvtol, sideways, two_flexible_joints
+from tests.inversion.nonlinear.mechanisms import (
+    cart_pole,
+    flexible_joint,
+    link,
+    pvtol,
+    satellite,
+    sideways,
+    two_flexible_joints,
+)
 
 PAYLOADS = [invtrack.Change(0.3, payload=0.5), invtrack.Change(0.7, payload=0.1)]
 
@@ -107,3 +115,15 @@ def test_preactuation_may_be_cut_and_is_told() -> None:
     plan = invtrack.invert(cart_pole(), reference, max_preactuation=1.5)
     assert plan.preactuation == pytest.approx(1.5)
     assert any("preactuation limited" in remark for remark in plan.remarks)
+
+
+def test_a_body_that_turns_in_space_as_it_moves() -> None:
+    """By two radians about a skew axis: gains of both ends, and states that differ as rotations do."""
+    plant, distances = satellite(), (0.5, -1.0, 0.3, 1.5, -1.0, 0.8)
+    plan = invtrack.invert(plant, stack([invtrack.rest_to_rest(0.0, a, duration=2.0) for a in distances]))
+    assert plan.certificate.worst(exact=True) <= 1e-9
+    controller = invtrack.TrackingController(plan, invtrack.lqr(plan.model, Q=1.0, R=1.0))
+    run = invtrack.simulate(plant, controller, timestep=1e-3, end=3.0, vibration_period=1.0)
+    assert invtrack.max_error(run) <= 1e-6
+    half_way = plan.states([1.0])[0]
+    np.testing.assert_allclose(plan.difference(half_way, half_way), 0.0, atol=1e-15)  # type: ignore[misc]
