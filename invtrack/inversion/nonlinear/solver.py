@@ -14,11 +14,12 @@ from invtrack.inversion.nonlinear.continuation import Progress, follow
 from invtrack.inversion.nonlinear.decoupling import require_hold_of_outputs
 from invtrack.inversion.nonlinear.elements import Scheme
 from invtrack.inversion.nonlinear.ends import NEUTRAL, End
-from invtrack.inversion.nonlinear.mesh import Mesh
+from invtrack.inversion.nonlinear.mesh import EVEN, Mesh
 from invtrack.inversion.nonlinear.problem import MotionProblem
-from invtrack.inversion.nonlinear.refinement import DenseError, carried_over, dense_error, parts_for, steps_for, wanted_at
+from invtrack.inversion.nonlinear.refinement import MARGIN, DenseError, carried_over, dense_error, parts_for, steps_for, wanted_at
 from invtrack.inversion.nonlinear.rest import rest_with
 from invtrack.inversion.nonlinear.shooting import Iteration, Motion, Shooting, at_rest
+from invtrack.inversion.nonlinear.tails import tail_error, tails_of
 
 COUNT = 4
 """Coefficients of each input on an element."""
@@ -32,8 +33,11 @@ FASTEST = 1.0
 LAYER = 12
 """Elements of the window before and after the manoeuvre, at least: in these what the mesh adds of its own dies out."""
 
-WINDOW_SHARE = 0.3
-"""The window ends where the linear tails' error, the square of the share that is left, is this share of the accuracy."""
+FIRST_SHARE = 0.03
+"""The window ends at first where so much of the motion in the slowest zero is left."""
+
+LAST_SHARE = 1e-3
+"""It is extended to where linear tails meet the accuracy, at most until the share left would be this times its square root."""
 
 MOST_ELEMENTS = 20_000
 """Elements that are planned, at most."""
@@ -73,8 +77,7 @@ class MotionSolver:
     def refined(self) -> Solution:
         """The motion with continuous inputs on each stretch, on a mesh that meets the accuracy. Raises PlanError."""
         choice = choose(self.problem, COUNT, self._length(), fixed=False)
-        mesh = Mesh.even(self._stops(choice.length), self.problem.switch_times, choice.length)
-        solution = self._followed(choice.scheme, mesh)
+        solution = self._extended(choice)
         for _ in range(REFINEMENTS):
             solution = self._sized(solution)
             error = dense_error(solution.shooting, solution.motion, self.problem.reference)
@@ -114,14 +117,7 @@ class MotionSolver:
 
     def held(self, hold: float) -> Solution:
         """The motion with inputs that are constant over each hold, the outputs met once in each."""
-        choice = choose(self.problem, 1, hold, fixed=True)
-        mesh = Mesh.even(self._stops(choice.length), self.problem.switch_times, hold)
-        if len(mesh) > MOST_ELEMENTS:
-            raise PlanError(
-                f"with hold={hold:g} s the plan takes {len(mesh)} holds, of which {MOST_ELEMENTS} are planned at most; take a "
-                "longer hold, a shorter motion, or limit max_preactuation and max_postactuation"
-            )
-        return self._sized(self._followed(choice.scheme, mesh))
+        return self._sized(self._extended(choose(self.problem, 1, hold, fixed=True)))
 
     @property
     def _newton_tolerance(self) -> float:
@@ -135,18 +131,57 @@ class MotionSolver:
         lengths += [FASTEST * Scheme(COUNT, ()).steps / fastest] if fastest > 0 else []
         return min(lengths, default=1.0)
 
-    def _stops(self, length: float) -> Array:
-        """The ends of the window, and what lies between them at which the motion is not smooth [s]; length [s]: of elements."""
-        edges, zeros = self.problem.stops, self.problem.zeros
-        enough, least = np.log(1.0 / np.sqrt(WINDOW_SHARE * self.accuracy)), LAYER * length
-        windows = []
-        for found, sign, limit in ((zeros[0], 1, self.limits[0]), (zeros[-1], -1, self.limits[1])):
-            rates = sign * found.real
-            slowest = float(np.min(rates[rates * length > NEUTRAL], initial=np.inf))
-            window = max(least, enough / slowest)
-            windows.append(window if limit is None else max(least, min(window, limit)))
-        counts = np.ceil(np.array(windows) / length)
-        return np.concatenate([[edges[0] - counts[0] * length], edges, [edges[-1] + counts[1] * length]])
+    def _extended(self, choice: Choice) -> Solution:
+        """The motion in a window that reaches to where linear tails meet the accuracy, or to the limits."""
+        length = choice.length
+        slowest = self._slowest(length)
+        most = np.maximum(LAYER * length, -np.log(LAST_SHARE * np.sqrt(self.accuracy)) / slowest)
+        for end, limit in enumerate(self.limits):
+            most[end] = most[end] if limit is None else max(LAYER * length, min(most[end], limit))
+        windows = np.minimum(most, np.maximum(LAYER * length, -np.log(FIRST_SHARE) / slowest))
+        solution = self._followed(choice.scheme, self._mesh(windows, length))
+        log = solution.log
+        while True:
+            errors = self._tail_errors(solution)
+            wanting = (errors > self.accuracy) & (windows < most)
+            if not np.any(wanting):
+                return replace(solution, log=log)
+            longer = np.log(np.maximum(errors, self.accuracy) / (MARGIN * self.accuracy)) / (2 * slowest)
+            windows = np.where(wanting, np.minimum(most, windows + np.maximum(longer, length)), windows)
+            solution = self._followed(choice.scheme, self._mesh(windows, length), solution)
+            log += solution.log
+
+    def _mesh(self, windows: Array, length: float) -> Mesh:
+        """Even elements of that length [s] over the manoeuvre and windows (2,) [s] before and after it. Raises PlanError."""
+        edges, counts = self.problem.stops, np.ceil(windows / length * (1 - EVEN))
+        if counts.sum() + (edges[-1] - edges[0]) / length > MOST_ELEMENTS:
+            raise PlanError(
+                f"the plan takes {counts.sum() * length + edges[-1] - edges[0]:.4g} s in elements of {length:.3g} s, of which "
+                f"{MOST_ELEMENTS} are planned at most; take a longer hold, a shorter motion, less accuracy, or limit "
+                "max_preactuation and max_postactuation"
+            )
+        stops = np.concatenate([[edges[0] - counts[0] * length], edges, [edges[-1] + counts[1] * length]])
+        return Mesh.even(stops, self.problem.switch_times, length)
+
+    def _slowest(self, length: float) -> Array:
+        """Rates [1/s] of the slowest unstable zero at the start and of the slowest stable one at the end, infinite for none."""
+        found = [self.problem.zeros[0].real, -self.problem.zeros[-1].real]
+        return np.array([float(np.min(rates[rates * length > NEUTRAL], initial=np.inf)) for rates in found])
+
+    def _tail_errors(self, solution: Solution) -> Array:
+        """Of the linear tails before and after the window (2,)."""
+        solution, problem = self._sized(solution), self.problem
+        shooting, motion = solution.shooting, solution.motion
+        model = problem.model(shooting.mesh.edges)
+        size = state_sizes(shooting, motion, model)
+        tails = tails_of(problem, motion, model, size)
+        ends = ((problem.dynamics[0], 0, problem.linear_models[0]), (problem.last_dynamics, -1, problem.linear_models[-1]))
+        return np.array(
+            [
+                tail_error(dynamics, motion.points[end], tail, linear, (size, shooting.motion_size))
+                for tail, (dynamics, end, linear) in zip(tails, ends, strict=True)
+            ]
+        )
 
     def _conditions(self, scheme: Scheme, mesh: Mesh, amplitude: float) -> Shooting | None:
         """The conditions for a share of the motion; None where its end has no equilibrium, or no such one as the start."""
@@ -169,10 +204,15 @@ class MotionSolver:
         matched = np.stack([wanted[:, scheme.points[i] - 1, i] for i in range(wanted.shape[2])], axis=1)
         return Shooting(problem.dynamics, mesh, scheme, matched, problem.motion_size, ends)
 
-    def _followed(self, scheme: Scheme, mesh: Mesh) -> Solution:
+    def _followed(self, scheme: Scheme, mesh: Mesh, inner: Solution | None = None) -> Solution:
+        """The motion on a mesh, from one on a part of it if that is known, else from rest. Raises PlanError."""
         whole = self._conditions(scheme, mesh, 1.0)
         if whole is None:
             raise PlanError("elements of unlike lengths at the ends have unlike numbers of expanding multipliers; plan with a hold")
+        if inner is not None:
+            motion, log = whole.solve(_padded(inner, whole), 1.0, self._newton_tolerance)
+            if motion is not None:
+                return Solution(whole, motion, tuple(log))
         first = at_rest(whole.ends[0], mesh, scheme)
         found = follow(lambda amplitude: self._conditions(scheme, mesh, amplitude), first, self._newton_tolerance, self.progress)
         if found.motion is not None:
@@ -192,3 +232,15 @@ class MotionSolver:
         possible = np.abs(models[0].C) @ state_sizes(shooting, motion, self.problem.model(shooting.mesh.edges))
         size = np.where(moves > 0, moves, np.where(possible > 0, possible, 1.0))
         return replace(solution, shooting=replace(shooting, motion_size=size))
+
+
+def _padded(inner: Solution, whole: Shooting) -> Motion:
+    """A motion on a mesh that has more elements at its ends, in which it is at rest."""
+    before = int(np.argmin(np.abs(whole.mesh.edges - inner.shooting.mesh.edges[0])))
+    after = len(whole.mesh) - len(inner.shooting.mesh) - before
+    points, coefficients = inner.motion.points, inner.motion.coefficients
+    resting = [np.zeros((count, *coefficients.shape[1:])) for count in (before, after)]
+    for rows, end in zip(resting, whole.ends, strict=True):
+        rows[:, 0] = end.rest.inputs
+    first, last = (np.repeat(end.rest.point[None], count, axis=0) for end, count in zip(whole.ends, (before, after), strict=True))
+    return Motion(np.vstack([first, points, last]), np.concatenate([resting[0], coefficients, resting[1]]))

@@ -15,7 +15,7 @@ from invtrack.inversion.nonlinear.decoupling import require_hold_of_outputs
 from invtrack.inversion.nonlinear.problem import MotionProblem
 from invtrack.inversion.nonlinear.shooting import Iteration
 from invtrack.inversion.nonlinear.solver import MotionSolver, Solution
-from invtrack.inversion.nonlinear.tails import linear_tail
+from invtrack.inversion.nonlinear.tails import tails_of
 from invtrack.inversion.nonlinear.trajectory import trajectory_of
 from invtrack.linear.internal_dynamics import NOT_UNIQUE, format_zeros
 from invtrack.plans.actuation import ringing
@@ -105,11 +105,8 @@ def _plan(
     shooting, motion, mesh = solution.shooting, solution.motion, solution.shooting.mesh
     decoupling = require_hold_of_outputs(shooting, motion, problem.relative_degree, 1.0)
     model = problem.model(mesh.edges)
-    away = problem.dynamics[0].states(motion.points[[0, -1]]) - model.rest_states[[0, -1]]
-    size = state_sizes(shooting, motion, model)
-    before = linear_tail(problem.linear_models[0], away[0], size, "before")
-    after = linear_tail(problem.linear_models[-1], away[1], size, "after")
-    trajectory = trajectory_of(shooting, motion, model, (before, after))
+    tails = tails_of(problem, motion, model, state_sizes(shooting, motion, model))
+    trajectory = trajectory_of(shooting, motion, model, tails)
     for k, dynamics in enumerate(problem.dynamics):
         chosen = np.flatnonzero(mesh.interval == k)
         dynamics.require_free(motion.points[chosen], motion.coefficients[chosen, 0])

