@@ -30,7 +30,7 @@ ROOMS: dict[str, set[str]] = {
     "redesign": {"linear", "references", "plans", "inversion", "clarabel", *THEORY},
     "regulation": {"linear", "references", "plans", "inversion", *THEORY},
     "control": {"linear", "references", "plans", "regulation", *THEORY},
-    "plant": {"linear", "references", "plans", "mujoco", "numba", "llvmlite", *THEORY},
+    "plant": {"linear", "plans", "mujoco", "numba", "llvmlite", *THEORY},
     "results": {"plans"},
     "simulation": {"linear", "plans", "control", "plant", "results", "mujoco", *THEORY},
     "recording": {"results", "mujoco", "rerun", "pyarrow"},

@@ -36,8 +36,8 @@ STEP = 2.0**-17
 FEWEST = 32
 """States that a thread is worth starting for."""
 
-BLOCK = 4096
-"""States whose derivatives are held in memory at once, times their number."""
+IN_MEMORY = 2**23
+"""Numbers that differences are made of, held in memory at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,6 +100,11 @@ class PlantDynamics:
         )
 
     @cached_property
+    def _pool(self) -> ThreadPoolExecutor:
+        """Threads that live as long as the dynamics: starting them costs as much as hundreds of states."""
+        return ThreadPoolExecutor(len(self._machines))
+
+    @cached_property
     def _steps(self) -> Array:
         length = min(1.0, float(self._model.stat.extent))
         places = np.where(np.array([unit == "m" for unit in tangent_units(self._model)]), length, 1.0)
@@ -116,8 +121,7 @@ class PlantDynamics:
             if threads == 1:
                 work(self._machines[0], slice(0, count))
                 return
-            with ThreadPoolExecutor(threads) as pool:
-                jobs = [pool.submit(work, self._machines[i], slice(a, b)) for i, (a, b) in enumerate(pairwise(edges))]
+            jobs = [self._pool.submit(work, self._machines[i], slice(a, b)) for i, (a, b) in enumerate(pairwise(edges))]
             for job in jobs:
                 job.result()
 
@@ -158,7 +162,7 @@ class PlantDynamics:
             w = rates[:, first : first + 3]
             for i, j, axis, sign in ((0, 1, 2, 1), (0, 2, 1, -1), (1, 0, 2, -1), (1, 2, 0, 1), (2, 0, 1, 1), (2, 1, 0, -1)):
                 A[:, first + i, first + j] = sign * w[:, axis]  # -w x d
-        block = max(1, BLOCK // (n + m))
+        block = max(1, IN_MEMORY // (2 * (n + m) * (n - nv + self._outputs.count)))
         for start in range(0, k, block):
             part = slice(start, min(start + block, k))
             acceleration, output = self._differences(points[part], inputs[part])

@@ -28,7 +28,8 @@ class MotionChecks:
         rest_residual: what is left of rates and outputs at the equilibria, as a share of their terms.
         gap: smallest |log |lambda|| of the multipliers of an element at rest that stand for no zero: how fast errors of the mesh
             die out from element to element.
-        decoupling: smallest ratio of det B_y along the motion to that at its start; None without a vector relative degree.
+        decoupling: smallest ratio of B_y along the motion to that at its start, in any direction (the smallest |eigenvalue| of
+            B_y(start)^-1 B_y); None without a vector relative degree.
         input_jump: largest jump of an input between elements away from breakpoints, as a share of that input's range.
         elements: how many there are.
     """

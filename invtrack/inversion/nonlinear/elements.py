@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,10 @@ from invtrack.plans.dynamics import Derivatives, Dynamics
 
 KNOTS = 3
 """Instants of an element at which derivatives are taken; between them they are parabolas."""
+
+
+IN_CACHE = 2**16
+"""Numbers of the derivatives of elements that are carried on together."""
 
 
 @dataclass(frozen=True)
@@ -105,18 +109,31 @@ class ElementMaps:
 def element_maps(derivatives: Derivatives, scheme: Scheme, lengths: Array) -> ElementMaps:
     """The derivative of classical RK4 over each element, for derivatives of the dynamics at its knots.
 
+    Its steps are those of a scheme without refinement, which follow neighbouring motions as well as parabolas between the knots
+    follow the derivatives.
+
     Args:
         derivatives: at the knots of each element, in order (K KNOTS, ...).
         scheme: of the elements.
         lengths: of the elements (K,) [s].
     """
-    K, s, S = len(lengths), scheme.count, scheme.steps
+    scheme, K = replace(scheme, refinement=1), len(lengths)
     at_knots = [a.reshape(K, KNOTS, *a.shape[1:]) for a in (derivatives.A, derivatives.B, derivatives.C, derivatives.D)]
+    n, m = at_knots[1].shape[2:]
+    block = max(1, IN_CACHE // (n * (n + scheme.count * m)))
+    parts = [slice(start, start + block) for start in range(0, K, block)]
+    found = [_maps_of([a[part] for a in at_knots], scheme, lengths[part]) for part in parts]
+    return ElementMaps(*(np.concatenate(rows) for rows in zip(*found, strict=True)))
+
+
+def _maps_of(at_knots: Sequence[Array], scheme: Scheme, lengths: Array) -> tuple[Array, Array, Array, Array]:
+    """The fields of the maps of K elements, from A, B, C and D at their knots (K, KNOTS, ., .)."""
+    K, s, S = len(lengths), scheme.count, scheme.steps
     n, m = at_knots[1].shape[2:]
     p = at_knots[2].shape[2]
 
     def at(which: int, instant: int) -> Array:
-        return np.asarray(np.tensordot(at_knots[which], scheme.spread[instant], axes=(1, 0)))
+        return np.asarray(sum(weight * at_knots[which][:, i] for i, weight in enumerate(scheme.spread[instant])))
 
     # Columns: the start, then the coefficients one polynomial after the other.
     V = np.concatenate([np.broadcast_to(np.eye(n), (K, n, n)), np.zeros((K, n, s * m))], axis=2)
@@ -141,7 +158,7 @@ def element_maps(derivatives: Derivatives, scheme: Scheme, lengths: Array) -> El
             rows = (C @ V)[:, 0]
             out_x[:, output, point], out_c[:, output, point] = rows[:, :n], rows[:, n:]
             out_c[:, output, point] += (scheme.basis[2 * step + 2][:, None] * D[:, None, :]).reshape(K, s * m)
-    return ElementMaps(V[:, :, :n], V[:, :, n:], out_x.reshape(K, p * s, n), out_c.reshape(K, p * s, s * m))
+    return V[:, :, :n], V[:, :, n:], out_x.reshape(K, p * s, n), out_c.reshape(K, p * s, s * m)
 
 
 def map_at_rest(dynamics: Dynamics, point: Array, inputs: Array, scheme: Scheme, length: float) -> ElementMaps:

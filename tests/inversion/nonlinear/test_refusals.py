@@ -85,7 +85,7 @@ def test_another_number_of_unstable_zeros_at_the_end() -> None:
 
 def test_a_decoupling_that_vanishes_on_the_way() -> None:
     """At the top of its circle the torque moves the tip's height no longer."""
-    with pytest.raises(invtrack.errors.RelativeDegreeError, match=r"lose hold of the outputs on the way: det B_y"):
+    with pytest.raises(invtrack.errors.RelativeDegreeError, match=r"lose hold of the outputs on the way: B_y"):
         invtrack.invert(arm(), slew(1 - 1e-8))
 
 
