@@ -53,6 +53,8 @@ def follow(problem: Callable[[float], Shooting | None], first: Motion, tolerance
     assert whole is not None  # the caller has made sure of the equilibrium at the end
     motion, log = whole.solve(first, 1.0, tolerance)
     if motion is not None:
+        if progress is not None:
+            progress(1.0)
         return Followed(motion, 1.0, whole, tuple(log))
     found, step = [(0.0, first)], 0.5
     while step >= SMALLEST:

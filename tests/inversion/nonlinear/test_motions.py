@@ -81,8 +81,10 @@ def test_averaging_over_each_step_costs_its_square() -> None:
 
 
 def test_newton_converges_quadratically_and_says_so() -> None:
-    plan = invtrack.invert(cart_pole(), invtrack.rest_to_rest(0.0, 3.0, duration=2.0))
+    seen: list[float] = []
+    plan = invtrack.invert(cart_pole(), invtrack.rest_to_rest(0.0, 3.0, duration=2.0), progress=seen.append)
     assert isinstance(plan, invtrack.inversion.MotionPlan)
+    assert set(seen) == {1.0}
     first = [iteration for iteration in plan.iterations if iteration.elements == plan.iterations[0].elements]
     steps = [iteration.step for iteration in first]
     assert len(steps) <= 6
