@@ -139,65 +139,77 @@ def _number_at(context: Any, address: Any) -> Any:
 @njit(cache=True, nogil=True)
 def _forward(machine, stage, outputs):  # type: ignore[no-untyped-def]
     """mj_forward from what stands in the data; outputs: whether sensors are needed."""
-    machine.warmstart[:] = 0.0  # so that an evaluation does not depend on the one before it
+    for i in range(len(machine.warmstart)):
+        machine.warmstart[i] = 0.0  # so that an evaluation does not depend on the one before it
     skip = np.int32(0 if outputs and machine.sensors else 1)
     _call_forward(machine.forward, machine.model, machine.data, np.int32(stage), skip)
 
 
 @njit(cache=True, nogil=True)
 def _usable(values):  # type: ignore[no-untyped-def]
-    for value in values:  # noqa: SIM110 - numba knows no all() of a generator
-        if not abs(value) < HUGE:
+    for i in range(len(values)):  # noqa: SIM110 - numba compiles no all() of a generator
+        if not abs(values[i]) < HUGE:
             return False
     return True
 
 
 @njit(cache=True, nogil=True)
-def _moved(machine, qpos, tangent):  # type: ignore[no-untyped-def]
-    """Put qpos, moved by a tangent (nv,), into the data."""
+def _moved(machine, point, tangent):  # type: ignore[no-untyped-def]
+    """Put the positions of a point, moved by the first nv entries of a tangent, into the data."""
     if len(machine.rotations):
-        machine.qpos[:] = qpos
+        for i in range(len(machine.qpos)):
+            machine.qpos[i] = point[i]
         _call_integrate(machine.integrate, machine.model, machine.qpos.ctypes.data, tangent.ctypes.data, 1.0)
     else:
-        for i in range(len(qpos)):
-            machine.qpos[i] = qpos[i] + tangent[i]
+        for i in range(len(machine.qpos)):
+            machine.qpos[i] = point[i] + tangent[i]
 
 
 @njit(cache=True, nogil=True)
-def _read(machine, values):  # type: ignore[no-untyped-def]
+def _written(machine, point, control):  # type: ignore[no-untyped-def]
+    """Put a state and inputs into the data."""
+    nq, nv = len(machine.qpos), len(machine.qvel)
+    for i in range(nq):
+        machine.qpos[i] = point[i]
+    for i in range(nv):
+        machine.qvel[i] = point[nq + i]
+    for i in range(len(machine.act)):
+        machine.act[i] = point[nq + nv + i]
+    for j in range(len(machine.inputs)):
+        machine.ctrl[machine.inputs[j]] = control[j]
+
+
+@njit(cache=True, nogil=True)
+def _read(machine, accelerations, readings):  # type: ignore[no-untyped-def]
+    """Get accelerations, rates of activations and readings from the data."""
+    nv = len(machine.qvel)
+    for i in range(nv):
+        accelerations[i] = machine.qacc[i]
+    for i in range(len(machine.act)):
+        accelerations[nv + i] = machine.act_dot[i]
     for i in range(len(machine.readings)):
-        values[i] = _number_at(machine.readings[i])
+        readings[i] = _number_at(machine.readings[i])
 
 
 @njit(cache=True, nogil=True)
 def evaluate(machine, points, controls, accelerations, readings):  # type: ignore[no-untyped-def]
-    """qacc and act_dot, and what the outputs are made of, at given states.
+    """qacc and act_dot, and what the outputs are made of, at given states; results that are not usable stay as they are.
 
     Args:
         machine: the model and its data.
         points, controls: states (k, nq + nv + na) and inputs (k, m).
         accelerations, readings: results (k, nv + na) and (k, r).
     """
-    nq, nv = len(machine.qpos), len(machine.qvel)
     for k in range(len(points)):
-        if not (_usable(points[k]) and _usable(controls[k])):
-            accelerations[k] = np.nan
-            readings[k] = np.nan
-            continue
-        machine.qpos[:] = points[k, :nq]
-        machine.qvel[:] = points[k, nq : nq + nv]
-        machine.act[:] = points[k, nq + nv :]
-        for j in range(len(machine.inputs)):
-            machine.ctrl[machine.inputs[j]] = controls[k, j]
-        _forward(machine, NOTHING_SKIPPED, True)
-        accelerations[k, :nv] = machine.qacc
-        accelerations[k, nv:] = machine.act_dot
-        _read(machine, readings[k])
+        if _usable(points[k]) and _usable(controls[k]):
+            _written(machine, points[k], controls[k])
+            _forward(machine, NOTHING_SKIPPED, True)
+            _read(machine, accelerations[k], readings[k])
 
 
 @njit(cache=True, nogil=True)
 def perturbed(machine, points, controls, steps, accelerations, readings):  # type: ignore[no-untyped-def]
-    """The same with each state and input moved ahead and back by its step.
+    """The same with each state and input moved ahead and back by its step; results that are not usable stay as they are.
 
     Positions come last, so that what depends on them alone is computed once for all that leaves them where they are.
 
@@ -211,53 +223,43 @@ def perturbed(machine, points, controls, steps, accelerations, readings):  # typ
     tangent = np.zeros(nv)
     for k in range(len(points)):
         if not (_usable(points[k]) and _usable(controls[k])):
-            accelerations[k] = np.nan
-            readings[k] = np.nan
             continue
-        qpos = points[k, :nq].copy()
-        machine.qpos[:] = qpos
-        machine.qvel[:] = points[k, nq : nq + nv]
-        machine.act[:] = points[k, nq + nv :]
-        for j in range(len(machine.inputs)):
-            machine.ctrl[machine.inputs[j]] = controls[k, j]
+        _written(machine, points[k], controls[k])
         _forward(machine, NOTHING_SKIPPED, True)
         for i in range(len(steps) - 1, -1, -1):
             for side in range(2):
                 step = steps[i] if side == 0 else -steps[i]
+                stage = VELOCITIES_SKIPPED
                 if i >= 2 * nv + na:
-                    address = machine.inputs[i - 2 * nv - na]
-                    machine.ctrl[address] = controls[k, i - 2 * nv - na] + step
-                    _forward(machine, VELOCITIES_SKIPPED, True)
-                    if side == 1:
-                        machine.ctrl[address] = controls[k, i - 2 * nv - na]
+                    j = i - 2 * nv - na
+                    machine.ctrl[machine.inputs[j]] = controls[k, j] + step
                 elif i >= 2 * nv:
                     machine.act[i - 2 * nv] = points[k, nq + i - nv] + step
-                    _forward(machine, VELOCITIES_SKIPPED, True)
-                    if side == 1:
-                        machine.act[i - 2 * nv] = points[k, nq + i - nv]
                 elif i >= nv:
                     machine.qvel[i - nv] = points[k, nq + i - nv] + step
-                    _forward(machine, POSITIONS_SKIPPED, True)
-                    if side == 1:
-                        machine.qvel[i - nv] = points[k, nq + i - nv]
+                    stage = POSITIONS_SKIPPED
                 else:
                     tangent[i] = step
-                    _moved(machine, qpos, tangent)
+                    _moved(machine, points[k], tangent)
                     tangent[i] = 0.0
-                    _forward(machine, NOTHING_SKIPPED, True)
-                accelerations[k, i, side, :nv] = machine.qacc
-                accelerations[k, i, side, nv:] = machine.act_dot
-                _read(machine, readings[k, i, side])
+                    stage = NOTHING_SKIPPED
+                _forward(machine, stage, True)
+                _read(machine, accelerations[k, i, side], readings[k, i, side])
+            if i >= 2 * nv + na:
+                machine.ctrl[machine.inputs[i - 2 * nv - na]] = controls[k, i - 2 * nv - na]
+            elif i >= 2 * nv:
+                machine.act[i - 2 * nv] = points[k, nq + i - nv]
+            elif i >= nv:
+                machine.qvel[i - nv] = points[k, nq + i - nv]
 
 
 @njit(cache=True, nogil=True)
-def _turning(rotations, theta, velocity, rate):  # type: ignore[no-untyped-def]
-    """rate = theta' of the rotation vectors theta from where a step began: w + theta x w / 2 + theta x (theta x w) / 12."""
-    rate[:] = velocity
+def _turn(rotations, theta, rate):  # type: ignore[no-untyped-def]
+    """From w to theta' of the rotation vectors theta from where a step began: w + theta x w / 2 + theta x (theta x w) / 12."""
     for first in rotations:
         a, b, c = theta[first], theta[first + 1], theta[first + 2]
-        w = velocity[first : first + 3]
-        x, y, z = b * w[2] - c * w[1], c * w[0] - a * w[2], a * w[1] - b * w[0]
+        p, q, r = rate[first], rate[first + 1], rate[first + 2]
+        x, y, z = b * r - c * q, c * p - a * r, a * q - b * p
         rate[first] += x / 2 + (b * z - c * y) / 12
         rate[first + 1] += y / 2 + (c * x - a * z) / 12
         rate[first + 2] += z / 2 + (a * y - b * x) / 12
@@ -273,49 +275,50 @@ def integrate(machine, points, coefficients, basis, lengths, nodes):  # type: ig
         coefficients: of the input's polynomials (k, s, m).
         basis: their values at the starts, middles and ends of the steps (2 S + 1, s).
         lengths: of the elements (k,) [s].
-        nodes: result, the states at the ends of the steps, the start first (k, S + 1, nq + nv + na).
+        nodes: result, the states at the ends of the steps, the start first (k, S + 1, nq + nv + na); beyond one that is not
+            usable they stay as they are.
     """
     nq, nv, na = len(machine.qpos), len(machine.qvel), len(machine.act)
-    n, count, m = 2 * nv + na, (len(basis) - 1) // 2, len(machine.inputs)
-    rates, at, total = np.zeros((4, n)), np.zeros(n), np.zeros(n)
+    n, count = 2 * nv + na, (len(basis) - 1) // 2
+    rates, at, total, control = np.zeros((4, n)), np.zeros(n), np.zeros(n), np.zeros(len(machine.inputs))
     for k in range(len(points)):
         h = lengths[k] / count
-        point = points[k].copy()
-        nodes[k] = np.nan
-        nodes[k, 0] = point
-        usable = _usable(point)
-        for i in range(basis.shape[1]):
-            usable = usable and _usable(coefficients[k, i])
+        for i in range(nq + nv + na):
+            nodes[k, 0, i] = points[k, i]
         for step in range(count):
-            if not usable:
-                break
+            point = nodes[k, step]
+            usable = _usable(point)
             for stage in range(4):
-                if stage == 0:
-                    at[:] = 0.0
-                else:
-                    at[:] = rates[stage - 1] * (h if stage == 3 else h / 2)
-                usable = usable and _usable(at)
+                share = 0.0 if stage == 0 else h if stage == 3 else h / 2
+                for i in range(n):
+                    at[i] = share * rates[stage - 1, i] if stage else 0.0
+                instant = 2 * step + (0 if stage == 0 else 2 if stage == 3 else 1)
+                for j in range(len(control)):
+                    control[j] = 0.0
+                    for i in range(basis.shape[1]):
+                        control[j] += basis[instant, i] * coefficients[k, i, j]
+                usable = usable and _usable(at) and _usable(control)
                 if not usable:
                     break
-                velocity = point[nq : nq + nv] + at[nv : 2 * nv]
-                _moved(machine, point[:nq], at[:nv])
-                machine.qvel[:] = velocity
-                machine.act[:] = point[nq + nv :] + at[2 * nv :]
-                instant = 2 * step + (0 if stage == 0 else 2 if stage == 3 else 1)
-                for j in range(m):
-                    value = 0.0
-                    for i in range(basis.shape[1]):
-                        value += basis[instant, i] * coefficients[k, i, j]
-                    machine.ctrl[machine.inputs[j]] = value
+                _written(machine, point, control)
+                _moved(machine, point, at)
+                for i in range(nv):
+                    machine.qvel[i] += at[nv + i]
+                    rates[stage, i] = machine.qvel[i]
+                for i in range(na):
+                    machine.act[i] += at[2 * nv + i]
                 _forward(machine, NOTHING_SKIPPED, False)
-                _turning(machine.rotations, at[:nv], velocity, rates[stage, :nv])
-                rates[stage, nv : 2 * nv] = machine.qacc
-                rates[stage, 2 * nv :] = machine.act_dot
+                _turn(machine.rotations, at, rates[stage])
+                for i in range(nv):
+                    rates[stage, nv + i] = machine.qacc[i]
+                for i in range(na):
+                    rates[stage, 2 * nv + i] = machine.act_dot[i]
             if not usable:
                 break
-            total[:] = h / 6 * (rates[0] + 2 * rates[1] + 2 * rates[2] + rates[3])
-            _moved(machine, point[:nq], total[:nv])
-            point[:nq] = machine.qpos
-            point[nq:] += total[nv:]
-            nodes[k, step + 1] = point
-            usable = _usable(point)
+            for i in range(n):
+                total[i] = h / 6 * (rates[0, i] + 2 * rates[1, i] + 2 * rates[2, i] + rates[3, i])
+            _moved(machine, point, total)
+            for i in range(nq):
+                nodes[k, step + 1, i] = machine.qpos[i]
+            for i in range(nv + na):
+                nodes[k, step + 1, nq + i] = point[nq + i] + total[nv + i]

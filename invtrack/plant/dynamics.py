@@ -131,7 +131,7 @@ class PlantDynamics:
         Args:
             points, coefficients, basis, lengths: see `Dynamics.motion`.
         """
-        nodes = np.empty((len(points), (len(basis) + 1) // 2, points.shape[1]))
+        nodes = np.full((len(points), (len(basis) + 1) // 2, points.shape[1]), np.nan)
         given = [np.ascontiguousarray(array, dtype=float) for array in (points, coefficients, lengths)]
 
         def work(own: Machine, part: slice) -> None:
@@ -144,7 +144,7 @@ class PlantDynamics:
         """Rates (k, n) and outputs (k, p); see `Dynamics.evaluate`."""
         points, inputs = np.ascontiguousarray(points), np.ascontiguousarray(inputs)
         nq, nv = self._model.nq, self._model.nv
-        accelerations, raw = np.empty((len(points), self.size - nv)), np.empty((len(points), self._outputs.count))
+        accelerations, raw = np.full((len(points), self.size - nv), np.nan), np.full((len(points), self._outputs.count), np.nan)
 
         def work(own: Machine, part: slice) -> None:
             _loops().evaluate(own, points[part], inputs[part], accelerations[part], raw[part])
@@ -174,7 +174,7 @@ class PlantDynamics:
         """Derivatives (k, nv + na, n + m) of accelerations and (k, p, n + m) of outputs."""
         points, inputs, steps = np.ascontiguousarray(points), np.ascontiguousarray(inputs), self._steps
         shape = (len(points), len(steps), 2)
-        accelerations, raw = np.empty((*shape, self.size - self._model.nv)), np.empty((*shape, self._outputs.count))
+        accelerations, raw = (np.full((*shape, count), np.nan) for count in (self.size - self._model.nv, self._outputs.count))
 
         def work(own: Machine, part: slice) -> None:
             _loops().perturbed(own, points[part], inputs[part], steps, accelerations[part], raw[part])
