@@ -36,8 +36,9 @@ LAYER = 12
 FIRST_SHARE = 0.03
 """The window ends at first where so much of the motion in the slowest zero is left."""
 
-LAST_SHARE = 1e-3
-"""It is extended to where linear tails meet the accuracy, at most until the share left would be this times its square root."""
+LAST_SHARE = 0.5
+"""It is extended to where linear tails meet the accuracy, at most until the share left is this times the accuracy's square root:
+tails are off by the square of what is left."""
 
 MOST_ELEMENTS = 20_000
 """Elements that are planned, at most."""
