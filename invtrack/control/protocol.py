@@ -15,6 +15,9 @@ from invtrack.plans.plan import Difference, Plan
 
 Key = TypeVar("Key", bound=Hashable)
 
+DIGITS = 9
+"""Holds that agree in so many digits are the same."""
+
 Segments = tuple[tuple[int, float], ...]
 """The intervals that a hold runs through, with the time [s] spent in each."""
 
@@ -67,12 +70,13 @@ class Instants:
         """What each hold runs through: ((interval, seconds), ...), the parts in one and the same interval taken together.
 
         interval: index of the interval of something that switches, from times inside them. Holds are equal but for rounding within
-        an interval: to 9 digits, so that what depends on them need be worked out once for all that agree.
+        an interval: to nine digits, so that what depends on them need be worked out once for all that agree.
         """
         owner, where = self.part_owner, interval(self.part_inside)
         starts = np.flatnonzero((np.diff(owner, prepend=-1) != 0) | (np.diff(where, prepend=-1) != 0))
         seconds = np.add.reduceat(self.part_share * self.hold[owner], starts)
-        pairs = list(zip(where[starts].tolist(), [float(f"{length:.9g}") for length in seconds.tolist()], strict=True))
+        digit = 10.0 ** (np.floor(np.log10(np.maximum(seconds, np.finfo(float).tiny))) - (DIGITS - 1))
+        pairs = list(zip(where[starts].tolist(), (np.rint(seconds / digit) * digit).tolist(), strict=True))
         edges = np.searchsorted(owner[starts], np.arange(len(self.time) + 1)).tolist()
         return [tuple(pairs[a:b]) for a, b in pairwise(edges)]
 

@@ -20,7 +20,6 @@ from invtrack.channels import Channels
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.dynamics import Derivatives, Mechanism, mechanism
 from invtrack.plant.configuration import configuration_of, state_of, tangent_units
-from invtrack.plant.couplings import mujoco_callbacks
 from invtrack.plant.linearizable import refuse_constraints, refuse_step_maps
 from invtrack.plant.linearize import linearize
 from invtrack.plant.plant import Plant
@@ -256,21 +255,23 @@ class PlantDynamics:
         Args:
             points, coefficients, lengths, steps: see `Dynamics.replay`.
         """
+        from invtrack.plant.native.controls import controls_in_python  # compiles
+
         model = self._smooth
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
         data, nq, nv, addresses = self.plant.new_data(model), model.nq, model.nv, self.plant.input_addresses
         powers = _powers(coefficients)
         acting = SimpleNamespace(powers=powers[0], length=1.0)
 
-        def control(called: mujoco.MjModel, live: mujoco.MjData) -> None:
-            share, value = live.time / acting.length, acting.powers[-1]
+        def control() -> None:
+            share, value = data.time / acting.length, acting.powers[-1]
             for power in acting.powers[-2::-1]:
                 value = value * share + power
-            live.ctrl[addresses] = value
+            data.ctrl[addresses] = value
 
         reached = np.empty((len(points), steps, points.shape[1]))
         outputs = np.empty((len(points), steps, len(self.plant.outputs)))
-        with self.plant.forces(model), mujoco_callbacks(model, control=control):
+        with self.plant.forces(model), controls_in_python(data, control):
             for k, point in enumerate(points):
                 acting.powers, acting.length = powers[k], lengths[k]
                 data.qpos[:], data.qvel[:], data.act[:] = np.split(point, [nq, nq + nv])

@@ -293,6 +293,8 @@ class Plant:
         """
         self._check(values)
         self._require_own(model)
+        if not values:
+            return
         for target in (copy.copy(model), model):  # the copy takes any refusal, so that the model itself stays whole
             for name, value in values.items():
                 self.parameters[name].write(target, float(value), reference=self.model)

@@ -95,6 +95,8 @@ class _Forces:
                 unit = activation_unit(model, i) if text == "actrange" else ""
                 self.limits.append(ActingLimit(f"{text} of {f'{named} {element_name(model, kind, i)}'.strip()}", unit))
         self._model = model
+        if not self.limits:
+            return
         self._free = copy.copy(model)
         self._free.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL
         self._free.actuator_forcelimited[:] = False

@@ -180,11 +180,12 @@ class _Parameters:
 
     def table(self, channels: Channels, grid: Grid) -> Array:
         """The values in force in each step (N, .)."""
-        values, rows = dict(self.initial), []
-        for k in range(len(grid.step)):
-            values.update(self.later.get(k, {}))
-            rows.append([values[name] for name in channels.names])
-        return np.array(rows).reshape(len(grid.step), len(channels))[grid.interval]
+        values, result = dict(self.initial), np.empty((grid.n_steps, len(channels)))
+        edges = sorted({0, *self.later})
+        for edge, until in zip(edges, [*edges[1:], len(grid.step)], strict=True):
+            values.update(self.later.get(edge, {}))
+            result[grid.first_step[edge] : grid.first_step[until]] = [values[name] for name in channels.names]
+        return result
 
     def events(self, channels: Channels, grid: Grid) -> list[Event]:
         """One event for each edge at which something changes."""

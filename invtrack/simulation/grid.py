@@ -80,13 +80,7 @@ def make_grid(start: float, end: float, breakpoints: Iterable[float], timestep: 
         raise SimulationError(f"the time step must be a positive number of seconds, got {timestep}")
     if not (np.isfinite(start) and np.isfinite(end) and end > start):
         raise SimulationError(f"the run must end after it starts, got start {start} s and end {end} s")
-    edges = [start]
-    for t in sorted({float(t) for t in breakpoints if start < t < end}):
-        if t - edges[-1] > SNAP * timestep:
-            edges.append(t)
-    if end - edges[-1] <= SNAP * timestep and len(edges) > 1:
-        edges.pop()
-    edges.append(end)
+    edges = _edges(start, end, np.unique(np.fromiter(breakpoints, dtype=float)), SNAP * timestep)
     lengths = np.diff(edges)
     if np.sum(lengths) / timestep > MOST_STEPS:
         raise SimulationError(
@@ -94,8 +88,22 @@ def make_grid(start: float, end: float, breakpoints: Iterable[float], timestep: 
             f"{MOST_STEPS:.0e} that can be recorded; take a larger time step or a shorter run"
         )
     counts = np.maximum(np.ceil(lengths / timestep * (1 - SNAP)), 1).astype(np.intp)
-    time = np.concatenate([a + (b - a) * np.arange(n) / n for a, b, n in zip(edges[:-1], edges[1:], counts, strict=True)] + [[end]])
-    return Grid(np.array(edges), np.concatenate([[0], np.cumsum(counts)]), lengths / counts, time)
+    first = np.concatenate([[0], np.cumsum(counts)])
+    step = np.arange(first[-1]) - np.repeat(first[:-1], counts)  # number of each within its interval
+    time = np.repeat(edges[:-1], counts) + np.repeat(lengths, counts) * step / np.repeat(counts, counts)
+    return Grid(edges, first, lengths / counts, np.append(time, end))
+
+
+def _edges(start: float, end: float, times: Array, apart: float) -> Array:
+    """start, end, and those of rising times between them that are further than that from the edge before them and from the end."""
+    inside = times[(times > start) & (times < end)]
+    if np.any(np.diff(inside, prepend=start) <= apart):  # one and the same time, computed in two ways: the first one counts
+        kept = [start]
+        for t in inside.tolist():
+            if t - kept[-1] > apart:
+                kept.append(t)
+        inside = np.array(kept[1:])
+    return np.concatenate([[start], inside[end - inside > apart], [end]])
 
 
 def update_times(start: float, end: float, period: float | None) -> Array:

@@ -15,17 +15,17 @@ from invtrack.arrays import Array
 from invtrack.errors import SimulationError
 from invtrack.plant.actuator_delays import actuator_delays, fill_histories
 from invtrack.plant.configuration import configuration_of
+from invtrack.plant.native.controls import controls
 from invtrack.plant.native.layout import data_count, data_time, model_timestep
 from invtrack.plant.native.libmujoco import address_of
 from invtrack.plant.native.readings import readings_of
-from invtrack.plant.native.slots import CONTROL
 from invtrack.plant.plant import Plant
 from invtrack.simulation.acting_limits import ActingLimit, Stretches
 from invtrack.simulation.active_constraints import ActiveConstraints, ConstraintWatch
 from invtrack.simulation.actuation import Actuation
 from invtrack.simulation.grid import Grid
 from invtrack.simulation.native.law import Calls
-from invtrack.simulation.native.loop import STAGES
+from invtrack.simulation.native.loop import STAGES, control_at_stage
 from invtrack.simulation.native.record import RunMemory
 from invtrack.simulation.planned_limits import limits_along
 from invtrack.simulation.simulated_plant import SimulatedPlant
@@ -150,7 +150,7 @@ class MujocoStepper:
             if not at_stages:
                 yield
                 return
-            with CONTROL.block(self.data._address, memory.record.ctypes.data):
+            with controls(self.data, control_at_stage.address, int(memory.record.ctypes.data)):
                 yield
 
     def begin(self, timestep: float, time: float) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+from weakref import WeakKeyDictionary
 
 import mujoco
 import numpy as np
 
 from invtrack.arrays import Array
-from invtrack.plans.plan import Plan, Samples
+from invtrack.plans.plan import Plan
 from invtrack.plant.configuration import configuration_of
 from invtrack.plant.plant import Plant
 from invtrack.simulation.acting_limits import ActingLimit, first_and_most
@@ -26,12 +27,23 @@ def limits_along(plant: Plant, plan: Plan) -> list[tuple[ActingLimit, float, flo
     Each with the time [s] at which it first does, and by how much at most, in the order of these times. The limits of the inputs
     themselves (`Plant.input_limits`) are not among them. Between the samples nothing is looked at.
     """
+    known = _known.setdefault(plan, WeakKeyDictionary())
+    if plant not in known:  # a plan that is driven a thousand times is looked through once
+        known[plant] = _limits_along(plant, plan)
+    return known[plant]
+
+
+_known: WeakKeyDictionary[Plan, WeakKeyDictionary[Plant, list[tuple[ActingLimit, float, float]]]] = WeakKeyDictionary()
+
+
+def _limits_along(plant: Plant, plan: Plan) -> list[tuple[ActingLimit, float, float]]:
     found: dict[ActingLimit, tuple[float, float]] = {}
-    for model, samples in _stretches(plant, plan):
+    for model, times in _stretches(plant, plan):
         constraints, actuation = ActiveConstraints(model), Actuation(plant, model)
         inputs = len(plant.inputs)
         if not constraints.possible and len(actuation.limits) == inputs:
             continue
+        samples = plan(times)
         raw = _raw_states(plant, model, plan, samples.x)
         _, excess = actuation.passed_on(raw, samples.u)
         for limit, beyond in zip(actuation.limits[inputs:], excess.T[inputs:], strict=True):
@@ -41,8 +53,8 @@ def limits_along(plant: Plant, plan: Plan) -> list[tuple[ActingLimit, float, flo
     return sorted(((limit, first, most) for limit, (first, most) in found.items()), key=lambda each: each[1])
 
 
-def _stretches(plant: Plant, plan: Plan) -> Iterator[tuple[mujoco.MjModel, Samples]]:
-    """Between the changes that the plan knows of: the model with the parameters in force, and samples of the plan."""
+def _stretches(plant: Plant, plan: Plan) -> Iterator[tuple[mujoco.MjModel, Array]]:
+    """Between the changes that the plan knows of: the model with the parameters in force, and times at which to look."""
     times = np.unique(np.concatenate([np.linspace(*span, SAMPLES) for span in ((plan.start, plan.end), plan.manoeuvre)]))
     times = times[(times >= plan.start) & (times <= plan.end)]
     values = dict(plan.model.parameters)
@@ -52,7 +64,7 @@ def _stretches(plant: Plant, plan: Plan) -> Iterator[tuple[mujoco.MjModel, Sampl
         inside = times[(times >= begins) & (times < ends)]
         if len(inside):
             model = plant.model_with({name: value for name, value in values.items() if name in plant.parameters})
-            yield model, plan(inside)
+            yield model, inside
 
 
 def _raw_states(plant: Plant, model: mujoco.MjModel, plan: Plan, x: Array) -> Array:

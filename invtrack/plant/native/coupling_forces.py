@@ -75,7 +75,7 @@ def _add_forces(forces: Any, coupling: Any, model: int, data: int) -> None:
         call(forces.apply, (model, data, address, address + 24, origin, np.int32(ids[i]), word(data + forces.force)))
 
 
-@callback
+@callback("model", "data")
 def _passive(model: int, data: int) -> None:
     found = registered(_table(), model)
     if found != 0:

@@ -35,13 +35,20 @@ def entry(function: F) -> F:
     return result  # type: ignore[no-any-return]
 
 
-def callback(function: Callable[[int, int], None]) -> Any:
-    """A C function (mjModel*, mjData*) -> void, compiled and kept on disk; its `address` is what C calls."""
-    signature = types.void(types.intp, types.intp)
-    try:
-        return cfunc(signature, cache=True)(function)
-    except RuntimeError:
-        return cfunc(signature)(function)
+def callback(*arguments: str) -> Callable[[Callable[..., None]], Any]:
+    """Makes a C function of pointers or whole numbers -> void, compiled and kept on disk; its `address` is what C calls.
+
+    arguments: what they are called.
+    """
+    signature = types.void(*[types.intp for _ in arguments])
+
+    def made(function: Callable[..., None]) -> Any:
+        try:
+            return cfunc(signature, cache=True)(function)
+        except RuntimeError:
+            return cfunc(signature)(function)
+
+    return made
 
 
 @intrinsic

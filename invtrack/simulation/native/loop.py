@@ -21,11 +21,8 @@ from invtrack.plant.native.pointers import (
     integers,
     matrix,
     records,
-    registered,
-    symbol,
 )
 from invtrack.plant.native.readings import READING, read
-from invtrack.plant.native.slots import CONTROL
 from invtrack.simulation.native.record import RUN
 
 AFFINE, ESTIMATING, ASKED = 0, 1, 2
@@ -35,7 +32,6 @@ STAGES = 4
 """Stages of a step of RK4."""
 
 _runs_at, _readings_at = records(RUN), records(READING)
-_table = symbol("invtrack_control_slots", CONTROL.address)
 
 
 @entry
@@ -332,13 +328,10 @@ def _estimating_input(run: Any, instant: int) -> None:
         estimate[i] = x_ref[i] + deviation[i]
 
 
-@callback
-def _control(_model: int, data: int) -> None:
-    """MuJoCo's control callback: the law's input for the present stage of RK4."""
-    found = registered(_table(), data)
-    if found == 0:
-        return
-    run = _runs_at(found, 1)[0]
+@callback("run")
+def control_at_stage(address: int) -> None:
+    """The law's input for the present stage of RK4, for the record of a run at an address; called by MuJoCo's control callback."""
+    run = _runs_at(address, 1)[0]
     if run.stage >= STAGES or run.stopped != 0:
         return  # an evaluation outside a step keeps the last input
     _deviation(run)
@@ -348,6 +341,3 @@ def _control(_model: int, data: int) -> None:
     if run.stage == 1:
         copy(u, floats(run.middle, run.p))
     run.stage += 1
-
-
-CONTROL.serve(_control)
