@@ -6,18 +6,23 @@ python benchmarks/benchmark.py --quick    # a tenth of the sizes
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from statistics import median
+from typing import Any
 
 import mujoco
 import numpy as np
 import scipy.signal
+import scipy.stats
 import tyro
 
 import invtrack
@@ -75,6 +80,7 @@ def main(quick: bool = False, turns: int = 5) -> None:
     imports(turns)
     with tempfile.TemporaryDirectory() as folder:
         closed_loop(Path(folder), int(100_000 * share), turns)
+        sweeping(Path(folder), int(200 * share), min(turns, 3))
         recording(Path(folder), int(500_000 * share), turns)
     inversion_over_samples([int(n * share) for n in (10_000, 100_000, 1_000_000)], turns)
     inversion_over_spline(share, turns)
@@ -118,51 +124,127 @@ def seconds_of(program: str) -> float:
 
 
 def closed_loop(folder: Path, steps: int, turns: int) -> None:
-    """Steps per second of the closed loop, state feedback on a plan, against a Python loop that only calls mj_step.
+    """The whole of simulate (state feedback on a plan, everything recorded) against mj_step(nstep), in processor time.
 
-    "closed loop" is the stepping itself: state read, law evaluated, step taken, everything recorded. "simulate" is the whole call,
-    with the plan looked up at every step before the loop and the result put together after it.
+    MuJoCo steps the same model without velocity couplings and records nothing. "held" holds the input over each step, "stages"
+    evaluates the law at every stage of RK4; "compiled loop" is the stepping alone of "held".
     """
     rows: dict[str, dict[str, Cell]] = {}
-    for plant in (cantilever(), chain(folder, 21)):
+    for plant in (cantilever(), two_disc(), hover(), chain(folder, 21)):
         controller = tracking(plant)
         start = controller.plan.manoeuvre[0] - 1.0
-        seconds: dict[str, list[float]] = {"bare": [], "loop": [], "simulate": []}
+        span: dict[str, Any] = {"start": start, "end": start + 1e-3 * steps, "timestep": 1e-3}
+        span["initial_state"] = controller.plan.states(start)[0]
+        pairs: dict[str, list[tuple[float, float]]] = {"held": [], "stages": [], "loop": []}
         for _ in range(turns + 1):
-            model = plant.model_with()
-            model.opt.timestep = 1e-3
-            data = plant.new_data(model)
-            begin = time.perf_counter()
-            for _ in range(steps):
-                mujoco.mj_step(model, data)
-            seconds["bare"].append((time.perf_counter() - begin) / steps)
-            marks: list[tuple[float, float]] = []
-            begin = time.perf_counter()
-            invtrack.simulate(
-                plant,
-                controller,
-                timestep=1e-3,
-                start=start,
-                end=start + 1e-3 * steps,
-                progress=lambda share, marks=marks: marks.append((share, time.perf_counter())),  # type: ignore[misc]
-            )
-            seconds["simulate"].append((time.perf_counter() - begin) / steps)
-            (first_share, first), (last_share, last) = marks[0], marks[-1]
-            seconds["loop"].append((last - first) / (last_share - first_share) / steps)
-        rate = {name: 1 / median(values[1:]) for name, values in seconds.items()}
-        rows[f"{plant.name}, {plant.model.nv} degrees of freedom"] = {
-            **{f"{name}_rate": value for name, value in rate.items()},
-            "loop_ratio": median(bare / ours for bare, ours in zip(seconds["bare"][1:], seconds["loop"][1:], strict=True)),
-            "simulate_ratio": median(bare / ours for bare, ours in zip(seconds["bare"][1:], seconds["simulate"][1:], strict=True)),
-        }
+            for evaluate in ("held", "stages"):
+                bare = stepped(plant, steps)
+                marks: list[tuple[float, float]] = []
+                begin = time.process_time()
+                invtrack.simulate(
+                    plant,
+                    controller,
+                    evaluate=evaluate,  # type: ignore[arg-type]
+                    progress=lambda share, marks=marks: marks.append((share, time.process_time())),  # type: ignore[misc]
+                    **span,
+                )
+                pairs[evaluate].append((bare, time.process_time() - begin))
+                if evaluate == "held":
+                    (first_share, first), (last_share, last) = marks[0], marks[-1]
+                    pairs["loop"].append((bare, (last - first) / (last_share - first_share)))
+        row: dict[str, Cell] = {"bare": 1e6 * compared(pairs["held"]).first / steps}
+        rows[f"{plant.name}, {plant.model.nv} degrees of freedom"] = row
+        row.update({name: compared(found).ratio for name, found in pairs.items()})
     columns = [
-        Column("bare loop", "steps/s", "bare_rate"),
-        Column("closed loop", "steps/s", "loop_rate"),
-        Column("ratio", key="loop_ratio"),
-        Column("simulate", "steps/s", "simulate_rate"),
-        Column("ratio", key="simulate_ratio"),
+        Column("mj_step", "us/step", "bare"),
+        Column("compiled loop", key="loop"),
+        Column("simulate, held", key="held"),
+        Column("simulate, stages", key="stages"),
     ]
-    print_table(f"Closed loop against a bare mj_step loop, {steps} steps", columns=columns, rows=rows, row_header="model")
+    print_table(f"Share of MuJoCo's own speed, {steps} steps", columns=columns, rows=rows, row_header="model")
+
+
+def stepped(plant: invtrack.Plant, steps: int) -> float:
+    """Processor time of MuJoCo's own loop over so many steps of 1 ms."""
+    model = plant.model_with()
+    model.opt.timestep = 1e-3
+    data = plant.new_data(model)
+    begin = time.process_time()
+    mujoco.mj_step(model, data, nstep=steps)
+    return time.process_time() - begin
+
+
+def sweeping(folder: Path, runs: int, turns: int) -> None:
+    """Closed-loop runs of the cantilever's manoeuvre (20 s at 1 ms, masses and instants drawn) on one core, on two, and against two
+    threads that only call mj_step(nstep) for as many steps. Wall time: the machine must have two idle cores.
+    """
+    plant, steps = cantilever(), round((MONTE_CARLO_SPAN[1] - MONTE_CARLO_SPAN[0]) / 1e-3)
+    drawn = {"mass": scipy.stats.norm(1.0, 0.01), "delay": scipy.stats.uniform(-0.01, 0.02)}
+    design = invtrack.sweeps.monte_carlo(drawn, runs, seed=0)
+    number = itertools.count()
+
+    def swept(workers: int) -> None:
+        invtrack.sweeps.sweep(
+            drawn_run,
+            design,
+            out=folder / f"sweep{next(number)}",
+            prepare=manoeuvre,
+            numbers=short_metrics,
+            workers=workers,
+            progress=lambda share: None,
+        )
+
+    def bare() -> None:
+        with ThreadPoolExecutor(2) as pool:
+            for job in [pool.submit(stepped, plant, steps) for _ in range(runs)]:
+                job.result()
+
+    one = in_turns(lambda: swept(1), lambda: swept(2), turns)
+    two = in_turns(bare, lambda: swept(2), turns)
+    rows: dict[str, dict[str, Cell]] = {
+        f"{runs} runs": {"rate": runs / one.second, "gain": one.ratio, "share": two.ratio},
+    }
+    columns = [
+        Column("two cores", "runs/s", "rate"),
+        Column("one core's time / two cores'", key="gain"),
+        Column("share of mj_step's speed on two", key="share"),
+    ]
+    print_table("Sweep of the cantilever's manoeuvre", columns=columns, rows=rows)
+
+
+MASSES = (0.0, 100.0, 10.0)  # [kg]
+JUMPS = (np.pi / 2, 3 * np.pi / 2)  # [s]
+MONTE_CARLO_SPAN = (-8.0, 12.0)  # [s]
+
+
+def drawn_run(
+    point: Mapping[str, Any], seed: int, prepared: tuple[invtrack.Plant, invtrack.TrackingController]
+) -> invtrack.RunResult:
+    """One run with masses and instants that the plan does not know."""
+    (plant, controller), (start, end) = prepared, MONTE_CARLO_SPAN
+    return invtrack.simulate(
+        plant,
+        controller,
+        schedule=[invtrack.Change(t + point["delay"], tip_mass=m * point["mass"]) for t, m in zip(JUMPS, MASSES[1:], strict=True)],
+        timestep=1e-3,
+        start=start,
+        end=end,
+        initial_state=controller.plan.states(start)[0],
+    )
+
+
+def short_metrics(run: invtrack.RunResult) -> invtrack.results.Metrics:
+    """Metrics of a run that is too short for five periods of the slowest mode."""
+    return invtrack.metrics(run, duration=5.0)
+
+
+@cache
+def manoeuvre() -> tuple[invtrack.Plant, invtrack.TrackingController]:
+    """The manoeuvre of sims/cantilever_jumps.py."""
+    plant = cantilever()
+    model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=mass) for mass in MASSES], JUMPS)
+    plan = invtrack.invert(model, invtrack.raised_cosine(2.0), tolerance=1e-8)
+    return plant, invtrack.TrackingController(plan, invtrack.lqr(model, Q=100.0, R=0.01))
 
 
 def recording(folder: Path, steps: int, turns: int) -> None:
@@ -321,6 +403,17 @@ def cantilever() -> invtrack.Plant:
     )
 
 
+def two_disc() -> invtrack.Plant:
+    return invtrack.Plant.from_xml(invtrack.model_path("two_disc"), inputs=["motor"], outputs=["disc2_angle"])
+
+
+def hover() -> invtrack.Plant:
+    sys.path.insert(0, str(SIMS))
+    from hover.aircraft import helicopter
+
+    return helicopter()
+
+
 def chain(folder: Path, links: int) -> invtrack.Plant:
     """A chain of carts coupled by springs, pushed at the first and followed at the second."""
     bodies, tendons = "", ""
@@ -340,9 +433,10 @@ def chain(folder: Path, links: int) -> invtrack.Plant:
 
 
 def tracking(plant: invtrack.Plant) -> invtrack.TrackingController:
-    """Feedforward and feedback for a slow motion of one unit."""
+    """Feedforward and feedback for a slow motion of all outputs by a tenth of a unit."""
     model = invtrack.linearize(plant)
-    plan = invtrack.invert(model, invtrack.rest_to_rest(0.0, 1.0, 5.0, smoothness=4), tolerance=1e-6)
+    p = model.n_outputs
+    plan = invtrack.invert(model, invtrack.rest_to_rest(np.zeros(p), np.full(p, 0.1), 5.0, smoothness=4), tolerance=1e-6)
     return invtrack.TrackingController(plan, invtrack.lqr(model, Q=1.0, R=1.0))
 
 

@@ -204,8 +204,8 @@ class OutputFeedbackController(PlanFollower):
 
     def begin(self, instants: Instants) -> OutputFeedbackLaw:
         """The law for one run: plan looked up, observer gains designed for each interval and hold that occurs."""
-        x_ref = self.plan.states(instants.time, inside=instants.inside)
-        seen = self.plan.states(instants.time - self._delay, inside=instants.inside if self._delay <= 0 else None)
+        x_ref = instants.states_of(self.plan)
+        seen = x_ref if self._delay <= 0 else self.plan.states(instants.time - self._delay)
         feedforward = self.mean_feedforward(instants)
         return OutputFeedbackLaw.around(
             self, self._observer, instants, feedforward=feedforward, x_ref=x_ref, measured_at=seen, delay=self._delay

@@ -38,6 +38,7 @@ class Instants:
         part_middle: the middle of each part (k,) [s].
         part_inside: a time in the open interval between the breakpoints around each part (k,) [s].
         part_share: share of its hold that each part makes up (k,).
+        planned: a plan whose states at these instants are known already, with them (m, n); None where there is none.
     """
 
     time: Array
@@ -47,6 +48,13 @@ class Instants:
     part_middle: Array
     part_inside: Array
     part_share: Array
+    planned: tuple[Plan, Array] | None = None
+
+    def states_of(self, plan: Plan) -> Array:
+        """The plan's states (m, n) at the instants."""
+        if self.planned is not None and self.planned[0] is plan:
+            return self.planned[1]
+        return plan.states(self.time, inside=self.inside)
 
     @classmethod
     def undivided(cls, time: Array, hold: Array, inside: Array) -> Instants:

@@ -103,7 +103,7 @@ class TrackingController(PlanFollower):
 
     def begin(self, instants: Instants) -> AffineLaw | DifferenceLaw:
         """The law for one run: plan and gains looked up for all its instants at once."""
-        x_ref = self.plan.states(instants.time, inside=instants.inside)
+        x_ref = instants.states_of(self.plan)
         feedforward = self.mean_feedforward(instants)
         if self.plan.difference is None:
             return AffineLaw.around(feedforward, x_ref, self.gains, instants.inside)

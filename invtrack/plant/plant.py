@@ -216,7 +216,7 @@ class Plant:
         """The bodies of those parameters that belong to one."""
         return {name: parameter.body for name, parameter in self.parameters.items() if parameter.body is not None}
 
-    @property
+    @cached_property
     def operating_point(self) -> OperatingPoint:
         """x0 = (qpos, qvel, act) (nq + nv + na,), u0 (m,) and y0 (p,), with the file's parameter values."""
         return self.operating_point_in(self.model)

@@ -47,9 +47,10 @@ class Actuation:
         names = zip(plant.inputs.names, plant.inputs.units, self._addresses, strict=True)
         self.limits = [ActingLimit(limit_text(model, name, int(address)), unit) for name, unit, address in names]
         self.limits += self._forces.limits
-        self._data = mujoco.MjData(model)
-        plant.configuration.write(self._data)
-        self._held = np.clip(self._data.ctrl, *control_limits(model, np.arange(model.nu)).T)  # of those that are no inputs
+        if self._forces.limits:
+            self._data = mujoco.MjData(model)
+            plant.configuration.write(self._data)
+            self._held = np.clip(self._data.ctrl, *control_limits(model, np.arange(model.nu)).T)  # of those that are no inputs
 
     def passed_on(self, raw: Array, u: Array, after: Array | None = None) -> tuple[Array, Array]:
         """What is applied of inputs u (k, p) at raw states (k, nq + nv + na), and the excess over each limit (k, L).

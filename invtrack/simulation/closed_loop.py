@@ -15,6 +15,7 @@ from invtrack.channels import Channels
 from invtrack.control.protocol import Controller
 from invtrack.errors import SimulationError
 from invtrack.linear.switched import slowest_flexible_period
+from invtrack.plans.plan import Samples
 from invtrack.plans.problem import left_out_of
 from invtrack.plant.parameters import Change, ordered
 from invtrack.plant.plant import Plant
@@ -130,7 +131,8 @@ def simulate(
     require_histories(simulated, grid)
     parameters = _Parameters.on_grid({**simulated.parameter_values, **values}, changes, grid)
     update = updates_of_steps(grid, updates)
-    instants = stage_instants(grid) if evaluate == "stages" else held_instants(grid, update)
+    samples = plan(grid.time, inside=np.append(grid.middle, grid.middle[-1]))
+    instants = stage_instants(grid) if evaluate == "stages" else held_instants(grid, update, (plan, samples.x))
     warn_of_unstable_holds(controller, instants, plant.model if isinstance(plant, LinearPlant) else plan.model)
     warn_of_fast_zeros(controller, float(np.max(grid.step if evaluate == "stages" else instants.hold)))
     chain = SensorChain(simulated.measurements.names, sensors or {}, seed)
@@ -146,7 +148,7 @@ def simulate(
     recorded = run.go(at_stages=evaluate == "stages", progress=progress)
     remarks = (*left_out_of(plan.model), *span.remarks)
     stated = {"name": name, "timestep": timestep, "evaluate": evaluate, "vibration_period": period, "remarks": remarks}
-    return _result(simulated, controller, grid, parameters, recorded, stated)
+    return _result(simulated, samples, controller, grid, parameters, recorded, stated)
 
 
 def _state(plant: SimulatedPlant, initial_state: ArrayLike | None) -> Array:
@@ -202,6 +204,7 @@ class _Parameters:
 
 def _result(
     plant: SimulatedPlant,
+    planned: Samples,
     controller: Controller,
     grid: Grid,
     parameters: _Parameters,
@@ -211,7 +214,6 @@ def _result(
     """Attach what was wanted and what was planned, channels and events, and cut everything to the steps that were recorded."""
     steps = len(recorded.u)
     time = grid.time[: steps + 1]
-    plan = controller.plan(time, inside=np.append(grid.middle, grid.middle[-1])[: steps + 1])
     message = f"stopped at t = {time[-1]:.6g} s: {recorded.cause}" if recorded.cause else ""
     seen: dict[str, Any] = {}
     if recorded.estimate.shape[1]:
@@ -227,10 +229,10 @@ def _result(
         model=plant.name,
         time=time,
         state=Signal(recorded.x, plant.states),
-        state_reference=Signal(plan.x, plant.states),
+        state_reference=Signal(planned.x[: steps + 1], plant.states),
         output=Signal(recorded.y, plant.outputs),
-        reference=Signal(plan.y_d, plant.outputs),
-        planned_output=Signal(plan.y, plant.outputs),
+        reference=Signal(planned.y_d[: steps + 1], plant.outputs),
+        planned_output=Signal(planned.y[: steps + 1], plant.outputs),
         commanded=Signal(recorded.u, plant.inputs),
         applied=Signal(recorded.applied, plant.inputs),
         parameters=Signal(parameters.table(plant.parameters, grid)[:steps], plant.parameters),

@@ -10,6 +10,7 @@ import numpy as np
 from invtrack.arrays import Array, Indices
 from invtrack.control.protocol import Instants
 from invtrack.errors import SimulationError
+from invtrack.plans.plan import Plan
 
 SNAP = 1e-9
 """Breakpoints closer than this share of the largest step are one and the same, computed in two ways."""
@@ -124,8 +125,8 @@ def updates_of_steps(grid: Grid, times: Array) -> Indices:
     return np.searchsorted(times, middle, side="right") - 1
 
 
-def held_instants(grid: Grid, update: Indices) -> Instants:
-    """One instant per update; the parts of its hold are the steps."""
+def held_instants(grid: Grid, update: Indices, planned: tuple[Plan, Array] | None = None) -> Instants:
+    """One instant per update; the parts of its hold are the steps. planned: a plan, and its states at the grid's times (., n)."""
     length = grid.step[grid.interval]
     first = np.flatnonzero(np.diff(update, prepend=-1))
     hold = np.add.reduceat(length, first)
@@ -137,6 +138,7 @@ def held_instants(grid: Grid, update: Indices) -> Instants:
         part_middle=(grid.time[:-1] + grid.time[1:]) / 2,
         part_inside=grid.middle,
         part_share=length / hold[update],
+        planned=None if planned is None else (planned[0], planned[1][first]),
     )
 
 

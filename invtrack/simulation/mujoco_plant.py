@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -25,7 +23,7 @@ from invtrack.simulation.active_constraints import ActiveConstraints, Constraint
 from invtrack.simulation.actuation import Actuation
 from invtrack.simulation.grid import Grid
 from invtrack.simulation.native.law import Calls
-from invtrack.simulation.native.loop import STAGES, control_at_stage
+from invtrack.simulation.native.loop import STAGES, control_at_stage, differences
 from invtrack.simulation.native.record import RunMemory
 from invtrack.simulation.planned_limits import limits_along
 from invtrack.simulation.simulated_plant import SimulatedPlant
@@ -60,10 +58,10 @@ def mujoco_plant(plant: Plant) -> SimulatedPlant:
 
 
 def _binary(plant: Plant, parameters: Mapping[str, float]) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "model.mjb"
-        mujoco.mj_saveModel(plant.model_with(parameters), str(path))
-        return path.read_bytes()
+    model = plant.model_with(parameters)
+    content = np.empty(mujoco.mj_sizeModel(model), dtype=np.uint8)
+    mujoco.mj_saveModel(model, None, content)
+    return content.tobytes()
 
 
 class MujocoStepper:
@@ -77,7 +75,7 @@ class MujocoStepper:
         # Which of two controls acts where a delay is a whole number of steps is not left to the rounding of times.
         self.model.actuator_delay *= 1 - DELAY_ROUNDING
         self.data = data = plant.new_data(self.model)
-        self._x0 = plant.operating_point_in(self.model).x0
+        self._x0 = plant.configuration.x0
         data.qpos[:], data.qvel[:], data.act[:] = configuration_of(self.model, self._x0, plant.coordinates_of(x))
         self._readings = [*plant.output_readings.readings, *plant.measurement_readings.readings]
         self.output_columns, self.measurement_columns = np.split(np.arange(len(self._readings)), [len(plant.outputs)])
@@ -170,11 +168,11 @@ class MujocoStepper:
         nq, nv = self.model.nq, self.model.nv
         if nq == nv:
             return np.asarray((raw - self._x0)[:, self._kept])
-        result = np.empty((len(raw), 2 * nv + self.model.na))
-        for row, out in zip(raw, result, strict=True):
-            mujoco.mj_differentiatePos(self.model, out[:nv], 1.0, self._x0[:nq], row[:nq])
-        result[:, nv:] = raw[:, nq:] - self._x0[nq:]
-        return np.asarray(result[:, self._kept])
+        displacement = np.empty((len(raw), nv))
+        # Copies: writable arrays that lie in one piece are the one kind that is compiled for.
+        x0, rows = self._x0.copy(), np.ascontiguousarray(raw)
+        differences(address_of("mj_differentiatePos"), self.model._address, x0, rows, displacement)
+        return np.hstack([displacement, raw[:, nq:] - self._x0[nq:]])[:, self._kept]
 
     def positions(self, raw: Array) -> Array:
         """qpos (k, nq) of raw states (k, nq + nv + na)."""

@@ -120,7 +120,7 @@ def test_layout_of_mjdata_is_found_for_any_model(tmp_path: Path) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     assert data.ncon == 2
-    for name in ("qvel", "qfrc_passive", "xpos", "xmat"):
+    for name in ("qvel", "qfrc_passive", "xpos", "xmat", "cvel", "cdof", "subtree_com"):
         assert number_at(data._address + data_pointer(name), np.int64) == getattr(data, name).ctypes.data
     assert number_at(data._address + data_count("ncon"), np.int32) == 2
     assert number_at(data._address + data_count("nl"), np.int32) == 0

@@ -18,6 +18,9 @@ from invtrack.errors import PlantError
 _BLOCK = 1 << 12
 """Words that are searched at a time."""
 
+_NEIGHBOURS = 64
+"""So many words, fewer than there are in mjData after what is looked for, are searched for a later field with the same pointer."""
+
 _STRUCT_WORDS = 1 << 17
 """A struct of MuJoCo that has not shown what it must hold within so many words is not what this module takes it for."""
 
@@ -81,11 +84,16 @@ def _scene() -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 def _offset_of_pointer(struct: int, target: int, what: str) -> int:
     for block in range(0, _STRUCT_WORDS, _BLOCK):  # block by block: nothing is read far beyond what is looked for
-        words = np.ctypeslib.as_array((ctypes.c_int64 * _BLOCK).from_address(struct + 8 * block))
-        found = np.flatnonzero(words == target)
+        found = np.flatnonzero(_words(struct + 8 * block, _BLOCK) == target)
         if len(found):
-            return 8 * (block + int(found[0]))
+            # Arrays without entries have the address of the one that comes after them, in the struct too.
+            first = block + int(found[0])
+            return 8 * (first + int(np.flatnonzero(_words(struct + 8 * first, _NEIGHBOURS) == target)[-1]))
     raise _unknown(what)
+
+
+def _words(address: int, count: int) -> NDArray[np.int64]:
+    return np.ctypeslib.as_array((ctypes.c_int64 * count).from_address(address))
 
 
 def _offset_of_mark(struct: int, end: int, what: str) -> int:

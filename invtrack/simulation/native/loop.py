@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from invtrack.plant.native.pointers import (
+    address_in,
     call,
     callback,
     compiled,
@@ -120,6 +121,22 @@ def _deviation(run: Any) -> None:
             x[j] = qvel[i - nv] - x0[nq + i - nv]
         else:
             x[j] = act[i - 2 * nv] - x0[nq + i - nv]
+
+
+@entry
+def differences(differentiate: int, model: int, x0: Any, raw: Any, displacement: Any) -> None:
+    """Where the positions of raw states (k, .) are from those of x0, in tangent space (k, nv).
+
+    Args:
+        differentiate: address of mj_differentiatePos.
+        model: address of the model.
+        x0: the operating point (nq + nv + na,).
+        raw: states (k, nq + nv + na).
+        displacement: result (k, nv).
+    """
+    origin = address_in(x0)
+    for k in range(raw.shape[0]):
+        call(differentiate, (model, address_in(displacement[k]), 1.0, origin, address_in(raw[k])))
 
 
 @compiled
