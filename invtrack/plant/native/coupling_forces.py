@@ -41,8 +41,8 @@ _COUPLING = np.dtype(
 )
 """One coupling: the rows of K, how many joints and bodies, and where their rows and numbers stand.
 
-roots: the first body of the tree of each. chains: the degrees of freedom that move each body, those of one after those of the other;
-chain_ends: where each ends.
+roots: the first body of the tree of each. chains: the degrees of freedom that move each body, one body after the other; chain_ends:
+where each ends.
 """
 
 _forces_at, _couplings_at = records(_FORCES), records(_COUPLING)
