@@ -1,8 +1,10 @@
 """Controllers around a plan, their gains, and observers for what is not measured."""
 
+from invtrack.control.amplification import amplification
 from invtrack.control.bryson import bryson
 from invtrack.control.exosystem_controller import ExosystemController
-from invtrack.control.gains import GainSchedule, lqr, place
+from invtrack.control.gains import GainsAlong, GainSchedule, place
+from invtrack.control.lqr import lqr
 from invtrack.control.observer import ExosystemObserver, KalmanFilter, LuenbergerObserver, Observer
 from invtrack.control.output_feedback import OutputFeedbackController, OutputFeedbackLaw
 from invtrack.control.protocol import AffineLaw, Controller, DifferenceLaw, Instants, Law
@@ -15,6 +17,7 @@ __all__ = [
     "ExosystemController",
     "ExosystemObserver",
     "GainSchedule",
+    "GainsAlong",
     "Instants",
     "KalmanFilter",
     "Law",
@@ -24,6 +27,7 @@ __all__ = [
     "OutputFeedbackLaw",
     "PlanFollower",
     "TrackingController",
+    "amplification",
     "bryson",
     "lqr",
     "place",

@@ -7,20 +7,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import items
-from invtrack.arrays import Array, Indices, increasing_times, real_numbers, real_weight, stable_poles
+from invtrack.arrays import Array, Indices, increasing_times, real_numbers, stable_poles
 from invtrack.control.placement import placed_gain
 from invtrack.errors import ControlError
 from invtrack.linear.hidden_modes import hidden_subspaces, in_units
-from invtrack.linear.mode_groups import listed, unmoved_modes, unseen_modes
+from invtrack.linear.mode_groups import unmoved_modes
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
-
-WEIGHED = 1e-12
-"""An eigenvalue of Q, once its diagonal is scaled to one, weighs nothing below this share of the largest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +43,11 @@ class GainSchedule:
         object.__setattr__(self, "gains", matrices)
         object.__setattr__(self, "switch_times", times)
 
+    @property
+    def breakpoints(self) -> Array:
+        """Times [s] at which a simulation must begin a step."""
+        return self.switch_times
+
     def interval(self, t: ArrayLike) -> Indices:
         """Index of the gain in force at each time."""
         times = real_numbers("times [s]", t, error=ControlError)
@@ -55,66 +56,17 @@ class GainSchedule:
         return np.searchsorted(self.switch_times, times, side="right")
 
 
-def lqr(model: Any, *, Q: ArrayLike, R: ArrayLike) -> GainSchedule:
-    """Gains that minimise the integral of x'Q x + u'R u on each interval by itself: K = R^-1 B'X, A'X + X A - X B R^-1 B'X + Q = 0.
+class GainsAlong(GainSchedule):
+    """Gains that follow a plan: each holds over a short stretch of it.
 
-    Q (n, n) positive semidefinite, R (m, m) positive definite, in the units of states and inputs: an entry of Q weighs a radian
-    squared against a metre squared. A number stands for that multiple of the identity, which weighs one unit of each state alike;
-    where units differ, `bryson` makes weights from the largest deviations that are acceptable.
-
-    Raises ControlError for weights of the wrong shape or sign, and for a plant that cannot be stabilized: the message names the
-    modes that no input moves, or that Q does not weigh, and the states that take part in them.
+    They change little from one stretch to the next, and act on departures from the plan alone. A simulation therefore need not
+    begin a step where they change: each update uses the gain in force.
     """
-    plant = as_switched(model)
-    n, m = plant.n_states, plant.n_inputs
-    state_weight = real_weight("Q", Q, n, meaning=f"states {list(plant.states.names)}", error=ControlError)
-    input_weight = real_weight("R", R, m, meaning=f"inputs {list(plant.inputs.names)}", definite=True, error=ControlError)
 
-    def gain(system: StateSpace) -> Array:
-        try:
-            X = scipy.linalg.solve_continuous_are(system.A, system.B, state_weight, input_weight)
-        except (np.linalg.LinAlgError, ValueError) as error:
-            raise ControlError(f"no LQR gain: {_obstacle(system, state_weight) or error}") from error
-        K = np.asarray(np.linalg.solve(input_weight, system.B.T @ X))
-        poles = np.linalg.eigvals(system.A - system.B @ K)
-        if np.any(poles.real >= 0):
-            reason = _obstacle(system, state_weight)
-            raise ControlError(
-                f"no LQR gain: {reason}"
-                if reason
-                else f"the LQR gain does not stabilize the plant: closed-loop poles {np.round(poles, 6).tolist()}; the weights of "
-                "some states or inputs may differ by too many orders of magnitude"
-            )
-        return K
-
-    return _per_interval(plant, gain)
-
-
-def _obstacle(system: StateSpace, Q: Array) -> str:
-    """Why no gain of least cost stabilizes the plant, "" where nothing is found."""
-    unmoved = [group for group in unmoved_modes(system) if group.side >= 0]
-    if unmoved:
-        return (
-            f"the inputs {list(system.inputs.names)} do not move {listed(unmoved)}, on or right of the imaginary axis, so no "
-            "feedback stabilizes the plant; add an input that acts on these states, or leave them out of the model where nothing "
-            "disturbs them"
-        )
-    unweighed = [group for group in unseen_modes(_weighed(system, Q)) if group.side == 0]
-    if unweighed:
-        return (
-            f"Q does not weigh {listed(unweighed)}, on the imaginary axis, so least cost leaves it as it is; give Q an entry for "
-            "one of these states, however small"
-        )
-    return ""
-
-
-def _weighed(system: StateSpace, Q: Array) -> StateSpace:
-    """The plant with outputs z for which z'z = x'Q x."""
-    size = np.sqrt(np.where(np.diag(Q) > 0, np.diag(Q), 1.0))
-    values, vectors = np.linalg.eigh(Q / np.outer(size, size))
-    factor = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T * size
-    shown = values > WEIGHED * max(np.max(values), 0.0)
-    return StateSpace(system.A, system.B, factor[shown] if np.any(shown) else np.zeros((1, len(Q))), states=system.states)
+    @property
+    def breakpoints(self) -> Array:
+        """None."""
+        return np.zeros(0)
 
 
 def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
@@ -146,10 +98,12 @@ def place(model: Any, poles: Sequence[complex]) -> GainSchedule:
         )
         return K / hidden.units
 
-    return _per_interval(plant, gain)
+    return per_interval(plant, gain)
 
 
-def _per_interval(plant: SwitchedSystem, design: Callable[[StateSpace], Array]) -> GainSchedule:
+def per_interval(plant: SwitchedSystem, design: Callable[[StateSpace], Array]) -> GainSchedule:
+    """The gains that a design makes of each interval's model; a refusal says which interval it is about."""
+
     def named(system: StateSpace) -> Array:
         try:
             return design(system)

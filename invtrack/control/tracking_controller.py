@@ -20,8 +20,8 @@ class PlanFollower(ABC):
 
     Args:
         plan: where u_ff and x_ref come from.
-        gains: a GainSchedule, whose switch times may differ from the plan's; a constant gain K (p, n); or None for feedforward
-            alone.
+        gains: a GainSchedule, whose switch times may differ from the plan's, such as `lqr(plan, ...)`; a constant gain K (p, n); or
+            None for feedforward alone.
         period: time between two updates [s], the input held in between; None: one in every physics step.
 
     Raises ControlError where the gain's shape does not fit the plan or the period is not positive.
@@ -52,8 +52,8 @@ class PlanFollower(ABC):
 
     @property
     def breakpoints(self) -> Array:
-        """Breakpoints of the plan and switch times of the gains [s]."""
-        return np.union1d(self._plan.breakpoints, self._gains.switch_times)
+        """Breakpoints of the plan and of the gains [s]."""
+        return np.union1d(self._plan.breakpoints, self._gains.breakpoints)
 
     @property
     def period(self) -> float | None:

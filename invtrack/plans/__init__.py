@@ -3,6 +3,7 @@
 from invtrack.plans.certificate import Certificate, certify
 from invtrack.plans.dynamics import Derivatives, Dynamics, Mechanism, mechanism
 from invtrack.plans.export import export_plan, read_plan, sampled_plan
+from invtrack.plans.linearizations import Linearizations
 from invtrack.plans.plan import Plan, Samples
 from invtrack.plans.preactuation import PreactuationBound, preactuation_bound
 from invtrack.plans.ringing import Ringing
@@ -14,6 +15,7 @@ __all__ = [
     "Certificate",
     "Derivatives",
     "Dynamics",
+    "Linearizations",
     "Mechanism",
     "Plan",
     "PolynomialSegments",

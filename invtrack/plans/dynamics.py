@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import singledispatch
 from typing import Protocol
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, Indices
 from invtrack.channels import Channels
 from invtrack.linear.state_space import StateSpace
 
@@ -40,6 +40,11 @@ class Dynamics(Protocol):
     @property
     def size(self) -> int:
         """Number of tangent coordinates, n."""
+        ...
+
+    @property
+    def state_coordinates(self) -> Indices:
+        """The tangent coordinates that are states of controllers and plans; the others act on nothing."""
         ...
 
     def motion(self, points: Array, coefficients: Array, basis: Array, lengths: Array) -> Array:

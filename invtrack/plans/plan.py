@@ -14,6 +14,7 @@ from invtrack.arrays import Array, Indices, Refusal
 from invtrack.errors import PlanError
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
+from invtrack.plans.linearizations import Linearizations
 from invtrack.plans.ringing import Ringing
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal, finite_times
@@ -59,6 +60,7 @@ class Plan:
         difference: x minus x_ref in the plant's own way, both (n,), where plain subtraction will not do (angles that turn round,
             quaternions); None: plain subtraction.
         ringing: what lightly damped modes make of the input after the manoeuvre; None where there is none to speak of.
+        linearizations: of a nonlinear plant, all along the planned motion; None where `model` stands for them.
     """
 
     method: str
@@ -73,6 +75,7 @@ class Plan:
     remarks: tuple[str, ...] = ()
     difference: Difference | None = None
     ringing: Ringing | None = None
+    linearizations: Linearizations | None = None
 
     def __repr__(self) -> str:
         """What it is, without its arrays."""

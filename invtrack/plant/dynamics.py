@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, Indices
 from invtrack.channels import Channels
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.dynamics import Derivatives, Mechanism, mechanism
@@ -71,6 +71,11 @@ class PlantDynamics:
     def size(self) -> int:
         """Number of tangent coordinates, 2 nv + na."""
         return 2 * int(self._model.nv) + int(self._model.na)
+
+    @property
+    def state_coordinates(self) -> Indices:
+        """The tangent coordinates that are the plant's states (n,)."""
+        return self.plant.state_addresses
 
     @cached_property
     def _rotations(self) -> list[int]:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from invtrack.control.gains import GainSchedule, lqr, place
+from invtrack.control.gains import GainSchedule, place
+from invtrack.control.lqr import lqr
 from invtrack.errors import ControlError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem

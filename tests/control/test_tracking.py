@@ -8,7 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from invtrack.control.gains import GainSchedule, lqr
+from invtrack.control.gains import GainSchedule
+from invtrack.control.lqr import lqr
 from invtrack.control.protocol import Instants
 from invtrack.control.tracking_controller import TrackingController
 from invtrack.errors import ControlError

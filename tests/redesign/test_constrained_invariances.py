@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from invtrack.control.gains import lqr
+from invtrack.control.lqr import lqr
 from invtrack.control.tracking_controller import TrackingController
 from invtrack.errors import RedesignError
 from invtrack.linear.state_space import OperatingPoint, StateSpace

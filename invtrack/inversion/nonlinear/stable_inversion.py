@@ -12,6 +12,7 @@ from invtrack.errors import NonHyperbolicError, PlanError
 from invtrack.inversion.nonlinear.certificate import MotionChecks, certify_motion, input_jump, state_sizes
 from invtrack.inversion.nonlinear.continuation import Progress
 from invtrack.inversion.nonlinear.decoupling import require_hold_of_outputs
+from invtrack.inversion.nonlinear.linearizations import linearizations_along
 from invtrack.inversion.nonlinear.problem import MotionProblem
 from invtrack.inversion.nonlinear.shooting import Iteration
 from invtrack.inversion.nonlinear.solver import MotionSolver, Solution
@@ -134,6 +135,7 @@ def _plan(
         certificate=certificate,
         remarks=(*limited, *held, *left_out_of(model)),
         difference=problem.mechanism.state_difference if problem.mechanism.turns else None,
+        linearizations=linearizations_along(shooting, motion),
         iterations=solution.log,
         checks=checks,
     )
