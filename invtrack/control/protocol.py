@@ -176,16 +176,23 @@ class AffineLaw:
 
 
 class DifferenceLaw:
-    """u = feedforward_i - K_i (x minus x_ref_i) at instant i, the difference taken in the plant's own way."""
+    """u = feedforward_i - K_i (x minus x_ref_i) at instant i, the difference taken in the plant's own way.
+
+    Args:
+        feedforward: (m, p), absolute.
+        x_ref: (m, n).
+        gains, inside: the schedule, and times (m,) [s] that say which of its gains is in force.
+        difference: x minus x_ref, both (n,).
+    """
 
     estimate = None
 
     def __init__(self, feedforward: Array, x_ref: Array, gains: GainSchedule, inside: Array, difference: Difference) -> None:
-        self._feedforward, self._x_ref, self._difference = feedforward, x_ref, difference
-        self._gains, self._which = gains.gains, gains.interval(inside)
+        self.feedforward, self.x_ref, self.difference = feedforward, x_ref, difference
+        self.gains, self.which = gains.gains, gains.interval(inside)
 
     def update(self, index: int, measurement: Array) -> Array:
         """Input (p,) at instant number `index`."""
-        away = self._difference(measurement, self._x_ref[index])
-        result: Array = self._feedforward[index] - self._gains[int(self._which[index])] @ away
+        away = self.difference(measurement, self.x_ref[index])
+        result: Array = self.feedforward[index] - self.gains[int(self.which[index])] @ away
         return result

@@ -15,6 +15,7 @@ from invtrack.control.protocol import numbered
 from invtrack.errors import SimulationError
 from invtrack.linear.propagation import zero_order_hold
 from invtrack.linear.switched import as_switched
+from invtrack.plans.plan import Difference
 from invtrack.simulation.acting_limits import ActingLimit, Stretches, clipped
 from invtrack.simulation.grid import Grid
 from invtrack.simulation.native.law import Calls
@@ -129,6 +130,10 @@ class LinearStepper:
     def constrained(self, steps: int) -> Mapping[ActingLimit, Stretches]:
         """Nothing else limits a linear plant."""
         return {}
+
+    def origins(self, x: Array, difference: Difference) -> Array | None:
+        """None: a linear plant's loop takes plain differences."""
+        return None
 
     def positions(self, raw: Array) -> Array:
         """No columns: there is no geometry."""

@@ -11,8 +11,10 @@ import numpy as np
 
 from invtrack.arrays import Array
 from invtrack.errors import SimulationError
+from invtrack.plans.plan import Difference
 from invtrack.plant.actuator_delays import actuator_delays, fill_histories
 from invtrack.plant.configuration import configuration_of
+from invtrack.plant.dynamics import PlantMechanism
 from invtrack.plant.native.controls import controls
 from invtrack.plant.native.layout import data_count, data_time, model_timestep
 from invtrack.plant.native.libmujoco import address_of
@@ -109,11 +111,13 @@ class MujocoStepper:
             kinematics=address_of("mj_kinematics") if places else 0,
             tendon=address_of("mj_tendon") if tendons else 0,
             differentiate=address_of("mj_differentiatePos") if model.nq != model.nv else 0,
+            integrate=address_of("mj_integratePos") if model.nq != model.nv else 0,
             timestep=model._address + model_timestep(),
             time=data._address + data_time(),
             **{name: int(getattr(model, name)) for name in ("nq", "nv", "na")},
             **{name: getattr(data, name) for name in ("qpos", "qvel", "act", "ctrl")},
             coordinates=np.zeros(2 * model.nv + model.na),
+            placed=np.zeros(model.nq),
             values=np.zeros(self.n_values),
         )
         memory.copy(inputs=plant.input_addresses, x0=self._x0, kept=plant.state_addresses)
@@ -173,6 +177,21 @@ class MujocoStepper:
         x0, rows = self._x0.copy(), np.ascontiguousarray(raw)
         differences(address_of("mj_differentiatePos"), self.model._address, x0, rows, displacement)
         return np.hstack([displacement, raw[:, nq:] - self._x0[nq:]])[:, self._kept]
+
+    def origins(self, x: Array, difference: Difference) -> Array | None:
+        """(qpos, qvel, act) of states x (k, n), for the difference of this mechanism or of one with the same coordinates."""
+        owner = getattr(difference, "__self__", None)
+        if not isinstance(owner, PlantMechanism) or difference != owner.state_difference:
+            return None
+        other, plant = owner.plant, self.plant
+        same = (
+            np.array_equal(other.model.jnt_type, self.model.jnt_type)
+            and np.array_equal(other.configuration.x0, self._x0)
+            and np.array_equal(other.state_addresses, plant.state_addresses)
+        )
+        if not same or self.model.nq == self.model.nv:
+            return None
+        return np.array([np.concatenate(configuration_of(self.model, self._x0, plant.coordinates_of(row))) for row in x])
 
     def positions(self, raw: Array) -> Array:
         """qpos (k, nq) of raw states (k, nq + nv + na)."""

@@ -14,7 +14,7 @@ from invtrack.arrays import Array, Indices, require_not_negative, whole_number
 from invtrack.channels import Channels
 from invtrack.errors import SimulationError
 from invtrack.linear.state_space import OperatingPoint
-from invtrack.plans.plan import Plan
+from invtrack.plans.plan import Difference, Plan
 from invtrack.plant.actuator_delays import ActuatorDelay
 from invtrack.simulation.acting_limits import ActingLimit, Stretches
 from invtrack.simulation.grid import Grid
@@ -59,6 +59,10 @@ class Stepper(Protocol):
 
     def deviations(self, raw: Array) -> Array:
         """States (k, n), as deviations from the operating point, of raw states (k, r)."""
+        ...
+
+    def origins(self, x: Array, difference: Difference) -> Array | None:
+        """Raw states (k, r) of states x (k, n), where the compiled loop measures from them as this difference does; else None."""
         ...
 
     def positions(self, raw: Array) -> Array:

@@ -92,7 +92,7 @@ class Run:
         memory.put(first_step=self.grid.first_step, lengths=self.grid.step, edges=self.grid.edges, times=self.grid.time)
         memory.put(update=self.update)
         stepper.bind(memory, calls, self.grid)
-        put_law(memory, calls, self.law, n=n, p=p, m=m)
+        put_law(memory, calls, self.law, stepper.origins, n=n, p=p, m=m)
         if self.sensors is not None:
             self.sensors.bind(memory, stepper.measurement_columns)
         acting: dict[ActingLimit, list[Stretches]] = {}

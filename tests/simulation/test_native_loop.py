@@ -71,6 +71,33 @@ def test_states_and_inputs_are_those_of_a_loop_in_python(name: str, evaluate: st
     assert size_of(result.commanded.values - expected.u) < 1e-11 * size_of(expected.u)
 
 
+def sphere() -> invtrack.Plant:
+    """A ball joint that a torque about each axis turns."""
+    body = """<mujoco model="sphere"><option integrator="RK4" gravity="0 0 0"/><worldbody><body><joint name="ball" type="ball"/>
+    <site name="c"/><inertial pos="0 0 0" mass="1" diaginertia=".3 .2 .1"/></body></worldbody>
+    <actuator><motor name="x" site="c" gear="0 0 0 1 0 0"/><motor name="y" site="c" gear="0 0 0 0 1 0"/>
+    <motor name="z" site="c" gear="0 0 0 0 0 1"/></actuator></mujoco>"""
+    outputs = [f"joint:ball:{axis}" for axis in ("rx", "ry", "rz")]
+    plant = invtrack.Plant.from_xml(body, inputs=["x", "y", "z"], outputs=outputs)
+    return plant.at(qpos={"ball": [0.9, 0.1, -0.3, 0.2]})
+
+
+@pytest.mark.parametrize("evaluate", ["held", "stages"])
+def test_rotations_are_fed_back_in_the_tangent_space_of_what_is_planned(evaluate: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A turn by a radian, from a place beside its start; no call of Python on the way."""
+    plant = sphere()
+    start = plant.measure(plant.new_data(plant.model))
+    reference = invtrack.rest_to_rest(start, start + np.array([0.7, -0.4, 0.6]), 1.0)
+    plan = invtrack.invert(plant, reference)
+    controller = invtrack.TrackingController(plan, invtrack.lqr(plan, Q=1.0, R=1.0))
+    span = {"start": -0.2, "end": 1.2, "timestep": 5e-3, "evaluate": evaluate}
+    expected = python_loop(plant, controller, **span)  # type: ignore[arg-type]
+    monkeypatch.delattr(invtrack.control.DifferenceLaw, "update")
+    result = invtrack.simulate(plant, controller, initial_state=np.zeros(plant.n_states), **span)  # type: ignore[arg-type]
+    assert size_of(result.state.values - expected.x) < 1e-12 * max(size_of(expected.x), 1.0)
+    assert size_of(result.commanded.values - expected.u) < 1e-11 * size_of(expected.u)
+
+
 def test_an_estimator_on_noisy_late_digital_sensors_sees_the_same() -> None:
     plant = cantilever()
     model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=mass) for mass in (0.0, 10.0)], [0.4])

@@ -9,8 +9,9 @@ import numpy as np
 
 from invtrack.arrays import Array
 from invtrack.control.output_feedback import OutputFeedbackLaw
-from invtrack.control.protocol import AffineLaw, Law
+from invtrack.control.protocol import AffineLaw, DifferenceLaw, Law
 from invtrack.errors import SimulationError
+from invtrack.plans.plan import Difference
 from invtrack.simulation.native.loop import AFFINE, ASKED, ESTIMATING
 from invtrack.simulation.native.record import RunMemory
 
@@ -44,13 +45,27 @@ class Calls:
             raise self._failure
 
 
-def put_law(memory: RunMemory, calls: Calls, law: Law, *, n: int, p: int, m: int) -> None:
-    """Put a law into the record of a run with n states, p inputs and m measurements (0 where the law measures the state)."""
+Origins = Callable[[Array, Difference], Array | None]
+"""The raw states (k, r) of states (k, n) that the loop measures from as this difference does; None where it does not."""
+
+
+def put_law(memory: RunMemory, calls: Calls, law: Law, origins: Origins, *, n: int, p: int, m: int) -> None:
+    """Put a law into the record of a run.
+
+    Args:
+        memory, calls: of the run.
+        law: what is in force at each instant.
+        origins: of the plant.
+        n, p, m: numbers of states, inputs and measurements (0 where the law measures the state).
+    """
     x, u, y, estimate = np.zeros(n), np.zeros(p), np.zeros(m), np.zeros(n if m else 0)
     memory.put(x=x, u=u, middle=np.zeros(p), y=y, estimate=estimate, n_measured=m)
     if type(law) is AffineLaw:
         memory.put(law=AFFINE)
         memory.copy(feedforward=law.offset, gains=np.stack(law.gains), which=law.which)
+    elif type(law) is DifferenceLaw and (rows := origins(law.x_ref, law.difference)) is not None:
+        memory.put(law=AFFINE)
+        memory.copy(feedforward=law.feedforward, gains=np.stack(law.gains), which=law.which, origins=rows)
     elif type(law) is OutputFeedbackLaw:
         memory.put(law=ESTIMATING, none_seen=len(law.feedforward))
         memory.put(prior=np.zeros(n), deviation=np.zeros(n), innovation=np.zeros(m))

@@ -60,7 +60,7 @@ def take_steps(runs: Any, first: int, last: int) -> int:
                     copy(values, seen)
                     _sample(run, i)
                 else:
-                    _deviation(run)
+                    _deviation(run, update[i])
                 _input(run, update[i])
                 if run.stopped != 0:
                     return i
@@ -102,8 +102,8 @@ def write_state(runs: Any, i: int) -> None:
 
 
 @compiled
-def _deviation(run: Any) -> None:
-    """x, the deviation of the present state from the operating point."""
+def _deviation(run: Any, instant: int) -> None:
+    """x, the deviation of the present state from the operating point, or from what the law of an instant measures it from."""
     x = floats(run.x, run.n)
     if run.linear != 0:
         copy(floats(run.qpos, run.n), x)
@@ -121,6 +121,26 @@ def _deviation(run: Any) -> None:
             x[j] = qvel[i - nv] - x0[nq + i - nv]
         else:
             x[j] = act[i - 2 * nv] - x0[nq + i - nv]
+    if run.origins != 0:
+        _departure(run, run.origins + 8 * run.width * instant)
+
+
+@compiled
+def _departure(run: Any, address: int) -> None:
+    """x, a deviation from the operating point, measured anew from the origin (width,) at an address; what is dropped is at rest."""
+    nq, nv, na = run.nq, run.nv, run.na
+    x, x0, origin = floats(run.x, run.n), floats(run.x0, run.width), floats(address, run.width)
+    kept, coordinates, placed = integers(run.kept, run.n), floats(run.coordinates, 2 * nv + na), floats(run.placed, nq)
+    for i in range(2 * nv + na):
+        coordinates[i] = 0.0
+    for j in range(run.n):
+        coordinates[kept[j]] = x[j]
+    copy(x0, placed)
+    call(run.integrate, (run.model, run.placed, run.coordinates, 1.0))
+    call(run.differentiate, (run.model, run.coordinates, 1.0, address, run.placed))
+    for j in range(run.n):
+        i = kept[j]
+        x[j] = coordinates[i] if i < nv else x[j] + x0[nq + i - nv] - origin[nq + i - nv]
 
 
 @entry
@@ -351,8 +371,9 @@ def control_at_stage(address: int) -> None:
     run = _runs_at(address, 1)[0]
     if run.stage >= STAGES or run.stopped != 0:
         return  # an evaluation outside a step keeps the last input
-    _deviation(run)
-    _input(run, 3 * run.index + (0 if run.stage == 0 else (2 if run.stage == 3 else 1)))
+    instant = 3 * run.index + (0 if run.stage == 0 else (2 if run.stage == 3 else 1))
+    _deviation(run, instant)
+    _input(run, instant)
     u = floats(run.u, run.p)
     _send(run, u)
     if run.stage == 1:

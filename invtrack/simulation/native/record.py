@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_PLANT = """linear model data step forward kinematics tendon differentiate nq nv na n p width
-qpos qvel act ctrl inputs x0 kept coordinates timestep time"""
+_PLANT = """linear model data step forward kinematics tendon differentiate integrate nq nv na n p width
+qpos qvel act ctrl inputs x0 kept coordinates placed timestep time"""
 _LINEAR = "case transitions sensor_rows rests u0 y0 A B low high together rates"
 _SENSING = "n_values values n_early early n_late late note contacts limits watching"
 _LAW = """law ask feedforward gains which x u
-x_ref expected seen_hold none_seen drift corrections prior estimate deviation innovation K M C_m D_m u_low u_high A_d B_d"""
+origins x_ref expected seen_hold none_seen drift corrections prior estimate deviation innovation K M C_m D_m u_low u_high A_d B_d"""
 _SENSORS = "from_sensors n_measured columns noise digit delay late_from random y times"
 _GRID = "update latest first_step lengths edges interval at_stages index stage"
 _RECORDS = "raw seen commanded measured estimates middle stopped"
@@ -21,10 +21,10 @@ RUN = np.dtype([(name, np.int64) for part in (_PLANT, _LINEAR, _SENSING, _LAW, _
 """The record of a run. A field is a number, a flag, or the address of an array or of a function; 0 where there is none.
 
 Plant (MuJoCo):
-    model, data: of this run alone. step, forward, kinematics, tendon, differentiate: MuJoCo's functions; the latter three only
-    where they are needed. nq, nv, na, n, p, width: sizes of MuJoCo's coordinates, of state, input and raw state. qpos, qvel, act,
-    ctrl: live. inputs (p,): addresses in ctrl. x0 (width,): operating point. kept (n,): where the states stand among the
-    coordinates (2 nv + na,). timestep, time: of model and data, live.
+    model, data: of this run alone. step, forward, kinematics, tendon, differentiate, integrate: MuJoCo's functions; the latter four
+    only where they are needed. nq, nv, na, n, p, width: sizes of MuJoCo's coordinates, of state, input and raw state. qpos, qvel,
+    act, ctrl: live. inputs (p,): addresses in ctrl. x0 (width,): operating point. kept (n,): where the states stand among the
+    coordinates (2 nv + na,). placed (nq,): room to work. timestep, time: of model and data, live.
 Plant (linear, where `linear` is set), one row per distinct case:
     case (intervals,). transitions (., n, n + p), sensor_rows (., k, n + p), rests (., n), u0 (., p), y0 (., k), A, B. low, high
     (p,). together (n + p,), rates (4, n): room to work.
@@ -33,7 +33,8 @@ Sensing:
     contacts or limits, which counts in mjData tell, or while `watching`.
 Law:
     law: 0 affine, 1 with an estimator, 2 a call of `ask`. feedforward (m, p), gains (., p, n), which (m,). x (n,): what it is
-    given; u (p,): what it gives. The others: see `invtrack.control.output_feedback`.
+    given; u (p,): what it gives. origins (m, width): raw states from which x is measured, in their tangent spaces; 0 where it is
+    measured from x0. The others: see `invtrack.control.output_feedback`.
 Sensors:
     columns (q,) among the values; noise, digit, delay (q,). late_from (q,): where the search for a late value goes on. random: the
     next normal numbers. y (q,): what the controller sees. times (N + 1,).
