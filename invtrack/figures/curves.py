@@ -167,8 +167,9 @@ def sweep_figure(
     predicted: Mapping[str, Sequence[float]],
     measured: Mapping[str, Sequence[float]],
     quantity: str,
+    logarithmic: bool = False,
 ) -> Figure:
-    """Lines for what is predicted, markers for what is measured, one colour per curve.
+    """Lines for what is predicted, markers for what is measured, one colour per curve; what was only measured is joined up.
 
     Args:
         title: of the figure.
@@ -176,6 +177,7 @@ def sweep_figure(
         values: of the swept parameter (m,).
         predicted, measured: curves by name, one number per value (m,).
         quantity: label of the vertical axis, with its unit.
+        logarithmic: whether both axes are.
 
     Raises InvtrackError where lengths differ.
     """
@@ -189,11 +191,17 @@ def sweep_figure(
     with shared_style():
         figure = new_figure(title, width=8.0, height=4.0)
         axes = figure.add_subplot()
-        for (name, curve), look in zip(lines.items(), line_looks(len(lines)), strict=True):
-            axes.plot(points, curve, label=f"{name}, predicted", color=look["color"], linestyle=look["linestyle"])
+        names = list(dict.fromkeys([*lines, *dots]))
+        for name, look in zip(names, line_looks(len(names)), strict=True):
+            if name in lines:
+                axes.plot(points, lines[name], label=f"{name}, predicted", color=look["color"], linestyle=look["linestyle"])
             if name in dots:
-                markers = {"linestyle": "none", "marker": "o", "markersize": 4.0}
+                joined = "none" if name in lines else look["linestyle"]
+                markers = {"linestyle": joined, "marker": "o", "markersize": 4.0}
                 axes.plot(points, dots[name], label=f"{name}, measured", color=look["color"], **markers)  # type: ignore[arg-type]
+        if flag("logarithmic", logarithmic, error=InvtrackError):
+            axes.set_xscale("log")
+            axes.set_yscale("log")
         axes.set_xlabel(label)
         axes.set_ylabel(quantity)
         axes.legend(loc="best", frameon=True, framealpha=0.75, edgecolor="none")

@@ -1,0 +1,77 @@
+"""Flexible arms raise their loads against gravity, in MuJoCo: a rod that bends, with payloads that change, and joints that yield.
+
+An arm of four parts on springs raises the direction of its tip by a right angle, once with one payload, once with a payload that
+becomes heavier and then lighter on the way; an arm of two links on flexible joints, relative degree (4, 4), turns both. Gravity
+makes every posture another plant, with other equilibria at both ends. The linear inverse about the start cannot know that; feedback
+alone, around inputs that would hold each wanted output, lags and rings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from motions.ways import COLUMNS, Motion
+
+import invtrack
+from invtrack.figures import comparison_figure, tracking_figure
+from invtrack.references import stack
+from invtrack.studies import Setup, Study, StudyOptions, Table
+
+FROM, TO = -np.pi / 3, np.pi / 6  # [rad]
+LINKS = (1.0, -0.7)  # [rad]
+DURATION = 1.0  # [s]
+PAYLOADS = (invtrack.Change(0.3, payload=0.5), invtrack.Change(0.7, payload=0.1))  # [s], [kg]
+
+
+def build(options: StudyOptions) -> Setup:
+    motions = [_raised("raised"), _raised("payloads", PAYLOADS), _turned()]
+    cases = [case for motion in motions for case in motion.cases(options.timestep)]
+    windows = {motion.name: (-1.0, 3.0) for motion in motions}
+    return Setup(
+        cases,
+        figures={
+            **{
+                f"comparison_{name}": lambda done, name=name, window=window: comparison_figure(
+                    done.among([case.name for case in cases if case.name.startswith(name)]), window=window
+                )
+                for name, window in windows.items()
+            },
+            "tracking": lambda done: tracking_figure(done["payloads_inverse"], window=(-1.0, 2.0)),
+        },
+        report=[Table(f"Flexible arms raised against gravity in {DURATION:g} s", COLUMNS)],
+    )
+
+
+def _raised(name: str, schedule: Sequence[invtrack.Change] = ()) -> Motion:
+    """The flexible rod, held by its hub's torque below the horizontal."""
+    plant = invtrack.Plant.from_xml(
+        invtrack.model_path("flexible_arm"),
+        inputs=["torque"],
+        outputs=["tendon:direction"],
+        parameters={"payload": "body:payload:mass"},
+    )
+    plant = invtrack.trim(plant, outputs=[FROM]).plant
+
+    def linear(plant: invtrack.Plant) -> invtrack.SwitchedSystem:
+        later = [invtrack.linearize(plant, equilibrium="same outputs", **change.parameters) for change in schedule]
+        return invtrack.SwitchedSystem([invtrack.linearize(plant), *later], [change.time for change in schedule])
+
+    reference = invtrack.rest_to_rest(FROM, TO, duration=DURATION)
+    return Motion(name, plant, reference, Q=1.0, R=1.0, schedule=schedule, linear=linear)
+
+
+def _turned() -> Motion:
+    """The links on flexible joints, held horizontally."""
+    plant = invtrack.Plant.from_xml(
+        invtrack.model_path("flexible_joints"), inputs=["torque1", "torque2"], outputs=["joint:link1", "joint:link2"]
+    )
+    plant = invtrack.trim(plant, outputs=[0.0, 0.0]).plant
+    reference = stack([invtrack.rest_to_rest(0.0, angle, duration=DURATION, smoothness=5) for angle in LINKS])
+    return Motion("joints", plant, reference, Q=1.0, R=1.0)
+
+
+STUDY = Study("flexible_arm", build, description=__doc__, defaults=StudyOptions())
+
+if __name__ == "__main__":
+    STUDY.main()

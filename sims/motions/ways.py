@@ -1,0 +1,117 @@
+"""The ways to move a nonlinear mechanism that are compared: its linear inverse, the inverse of its motion, feedback alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+import invtrack
+from invtrack.control import amplification
+from invtrack.inversion import steady_state_feedforward
+from invtrack.studies import Case, Column
+
+COLUMNS = (
+    Column("max error", "of motion", key="error_share"),
+    Column("residual vibration", "of motion", key="vibration_share"),
+    Column("peak input"),
+    Column("preactuation time", "s"),
+    Column("planned in", "iterations", key="iterations"),
+    Column("departures grow", "times", key="amplification"),
+)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A motion of a mechanism, and the feedback weights that all ways share.
+
+    Args:
+        name: begins the names of its cases, where there are several motions.
+        plant: at rest where the motion begins.
+        reference: of its outputs.
+        Q, R: weights of states and inputs.
+        schedule: changes of parameters on the way.
+        linear: the linear model, with the same changes.
+        period: of the vibration that is looked for after the motion [s]; None: that of the slowest flexible mode.
+    """
+
+    name: str
+    plant: invtrack.Plant
+    reference: invtrack.PiecewiseSignal
+    Q: Any
+    R: Any
+    schedule: Sequence[invtrack.Change] = ()
+    linear: Callable[[invtrack.Plant], Any] = invtrack.linearize
+    period: float | None = None
+
+    @cached_property
+    def size(self) -> float:
+        """The largest way of an output."""
+        times = np.linspace(*self.reference.breakpoints[[0, -1]], 500)
+        return float(np.max(np.ptp(self.reference(times), axis=0)))
+
+    @cached_property
+    def model(self) -> Any:
+        """The linear model."""
+        return self.linear(self.plant)
+
+    @cached_property
+    def gains(self) -> invtrack.GainSchedule:
+        """Of the linear model."""
+        return invtrack.lqr(self.model, Q=self.Q, R=self.R)
+
+    def inverse(self, hold: float | None = None) -> invtrack.TrackingController:
+        """The inverse of the motion, with the gains along it; for a zero-order hold of so many seconds if wanted."""
+        plan = invtrack.invert(self.plant, self.reference, schedule=self.schedule, hold=hold)
+        return invtrack.TrackingController(plan, invtrack.lqr(plan, Q=self.Q, R=self.R))
+
+    def linear_inverse(self) -> invtrack.TrackingController:
+        """The inverse of the linear model, with its gains."""
+        return invtrack.TrackingController(invtrack.invert(self.model, self.reference), self.gains)
+
+    def feedback_only(self) -> invtrack.TrackingController:
+        """The input that would hold each wanted output at rest, with the same gains."""
+        return invtrack.TrackingController(steady_state_feedforward(self.model, self.reference), self.gains)
+
+    def cases(self, timestep: float) -> list[Case]:
+        """One for each way; the held inverse is that for the simulation's own steps [s]."""
+        ways: dict[str, Callable[[], invtrack.TrackingController]] = {
+            "inverse_for_the_hold": lambda: self.inverse(timestep),
+            "inverse": self.inverse,
+            "linear_inverse": self.linear_inverse,
+            "feedback_only": self.feedback_only,
+        }
+        settings = {"schedule": self.schedule, "vibration_period": self.period}
+        cases = []
+        for way, make in ways.items():
+            controllers: list[invtrack.TrackingController] = []
+
+            def planned(
+                make: Callable[[], invtrack.TrackingController] = make, kept: list[invtrack.TrackingController] = controllers
+            ) -> invtrack.TrackingController:
+                kept.append(make())
+                return kept[-1]
+
+            def numbers(run: invtrack.RunResult, kept: list[invtrack.TrackingController] = controllers) -> dict[str, Any]:
+                return self.numbers(run, kept[-1])
+
+            cases.append(Case(f"{self.name}_{way}" if self.name else way, self.plant, planned, settings=settings, numbers=numbers))
+        return cases
+
+    def numbers(self, run: invtrack.RunResult, controller: invtrack.TrackingController) -> dict[str, Any]:
+        """Metrics of a run, errors also as shares of the motion, and what its plan says of itself."""
+        numbers = dict(invtrack.metrics(run))
+        vibration = numbers["residual_vibration"]
+        plan = controller.plan
+        iterations = len(plan.iterations) if isinstance(plan, invtrack.inversion.MotionPlan) else None
+        return {
+            **numbers,
+            "error_share": numbers["max_error"] / self.size,
+            "vibration_share": None if vibration is None else vibration / self.size,
+            "iterations": iterations,
+            "amplification": None if iterations is None else amplification(plan, controller.gains),
+            "amplification_of_frozen_gains": None if iterations is None else amplification(plan, self.gains),
+        }

@@ -1,0 +1,21 @@
+"""The script as a user runs it, with a coarse step to keep it short."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.sims.scripts import summary_of
+
+WAYS = ("inverse_for_the_hold", "inverse", "linear_inverse", "feedback_only")
+
+
+def test_the_inverse_of_the_motion_steps_aside_where_the_linear_one_falls_and_misses(tmp_path: Path) -> None:
+    words = [word for way in WAYS for word in ("--case", f"3_m_{way}")]
+    summary = summary_of("vtol", tmp_path, *words, timestep=4e-3, says="VTOL")
+    held, motion, linear, feedback = (summary["cases"][f"3_m_{way}"] for way in WAYS)
+    assert held["error_share"] < 1e-7
+    assert motion["error_share"] < 2e-5
+    assert 0.05 < linear["error_share"] < 0.3
+    assert feedback["error_share"] > 0.3
+    assert 0.05 < motion["preactuation_time"] < 1.0  # the zeros are +-18 rad/s
+    assert "3_m_inverse.rrd" in summary["files"]
