@@ -2,8 +2,8 @@
 
 An arm of four parts on springs raises the direction of its tip by a right angle, once with one payload, once with a payload that
 becomes heavier and then lighter on the way; an arm of two links on flexible joints, relative degree (4, 4), turns both. Gravity
-makes every posture another plant, with other equilibria at both ends. The linear inverse about the start cannot know that; feedback
-alone, around inputs that would hold each wanted output, lags and rings.
+makes every posture another plant, with other equilibria at both ends. With the linear model of the start, gravity wins: under its
+inverse, and under feedback alone around the inputs that it wants at rest, the rod whirls round and the links miss by their motion.
 """
 
 from __future__ import annotations

@@ -168,13 +168,16 @@ def _far(first: Array, whole: Array) -> NDArray[np.bool_]:
 def warn_of_unstable_holds(controller: Controller, instants: Instants, model: SwitchedSystem) -> None:
     """Say that a feedback which stabilizes the plant's model does not do so when its input is held between updates.
 
-    That is so where an eigenvalue of the sampled closed loop A_d - B_d K lies outside the unit circle.
+    That is so where an eigenvalue of the sampled closed loop A_d - B_d K lies outside the unit circle. Along a nonlinear motion the
+    eigenvalues of an instant decide nothing, so there only the feedback at rest before and after it is looked at.
     """
     if not isinstance(controller, PlanFollower) or not np.any(instants.hold > 0):
         return
     gains, longest = controller.gains, float(np.max(instants.hold))
     holds = np.rint(instants.hold / longest / SAME_HOLD).astype(np.int64)  # equal but for rounding within an interval
     found = np.column_stack([-holds, model.interval(instants.inside), gains.interval(instants.inside)])
+    if (along := controller.plan.linearizations) is not None:
+        found = found[(instants.inside < along.edges[0]) | (instants.inside > along.edges[-1])]
     changed = np.any(np.diff(found, axis=0, prepend=found[:1] - 1) != 0, axis=1)
     for steps, k, g in np.unique(found[changed], axis=0).tolist():  # the longest first
         A, B, K, hold = model.systems[k].A, model.systems[k].B, gains.gains[g], -steps * SAME_HOLD * longest
