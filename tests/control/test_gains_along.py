@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.integrate
 import scipy.linalg
 
 import invtrack
-from invtrack.control import GainsAlong, amplification
+from invtrack.control import GainsAlong, Instants, amplification
 from invtrack.control.riccati_along import riccati_along
 from invtrack.errors import ControlError
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.linearizations import Linearizations
-from tests.inversion.nonlinear.mechanisms import cart_pole, link, satellite
+from invtrack.simulation.preflight import warn_of_unstable_holds
+from tests.inversion.nonlinear.mechanisms import cart_pole, link, pvtol, satellite, sideways
 
 Q, R = np.diag([3.0, 1.0, 0.5]), np.array([[0.2, 0.05], [0.05, 0.4]])
 PAYLOADS = [invtrack.Change(0.3, payload=0.5), invtrack.Change(0.7, payload=0.1)]
@@ -130,6 +133,18 @@ def test_rotations_in_space_are_fed_back_along_the_motion() -> None:
         plant, invtrack.TrackingController(plan, gains), timestep=1e-3, end=12.0, initial_state=away, vibration_period=1.0
     )
     assert np.max(np.abs(run.error[-1])) < 1e-5
+
+
+def test_eigenvalues_of_an_instant_are_not_taken_for_instability() -> None:
+    """Of the aircraft rolled by 57 degrees, with gains for that, and the model of level flight: that pair would be unstable."""
+    plan = invtrack.invert(pvtol(), sideways(12.0))
+    controller = invtrack.TrackingController(plan, invtrack.lqr(plan, Q=1.0, R=1.0))
+    times = np.arange(plan.start, plan.end, 4e-3)
+    instants = Instants.undivided(times, np.full(len(times), 4e-3), times + 2e-3)
+    warn_of_unstable_holds(controller, instants, plan.model)
+    unknown = invtrack.TrackingController(replace(plan, linearizations=None), controller.gains)
+    with pytest.warns(RuntimeWarning, match="the feedback is unstable"):
+        warn_of_unstable_holds(unknown, instants, plan.model)
 
 
 def test_amplification_of_a_linear_plant_is_the_norm_of_its_transition() -> None:

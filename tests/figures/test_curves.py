@@ -91,6 +91,16 @@ def test_a_sweep_has_a_line_and_markers_of_one_colour_for_each_curve() -> None:
     assert legend_entries(axes) == ["change, predicted", "change, measured", "input, predicted"]
 
 
+def test_what_was_only_measured_is_joined_up_on_logarithmic_axes() -> None:
+    figure = sweep_figure(
+        "t", label="way [m]", values=[1.0, 10.0], predicted={}, measured={"a": [1e-6, 1e-5]}, quantity="error [1]", logarithmic=True
+    )
+    (axes,) = figure.axes
+    (line,) = axes.lines
+    assert (axes.get_xscale(), axes.get_yscale(), line.get_linestyle(), line.get_marker()) == ("log", "log", "-", "o")
+    assert legend_entries(axes) == ["a, measured"]
+
+
 def test_sweeps_of_another_length_are_refused() -> None:
     with pytest.raises(InvtrackError, match=r"curve 'change' has 2 points for 1 values of duration \[s\]"):
         sweep_figure("t", label="duration [s]", values=[1.0], predicted={"change": [1.0, 2.0]}, measured={}, quantity="share [1]")
