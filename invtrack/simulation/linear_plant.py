@@ -19,8 +19,7 @@ from invtrack.plans.plan import Difference
 from invtrack.simulation.acting_limits import ActingLimit, Stretches, clipped
 from invtrack.simulation.grid import Grid
 from invtrack.simulation.native.law import Calls
-from invtrack.simulation.native.loop import STAGES
-from invtrack.simulation.native.record import RunMemory
+from invtrack.simulation.native.record import STAGES, RunMemory
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
 

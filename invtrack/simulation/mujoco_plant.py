@@ -15,18 +15,15 @@ from invtrack.plans.plan import Difference
 from invtrack.plant.actuator_delays import actuator_delays, fill_histories
 from invtrack.plant.configuration import configuration_of
 from invtrack.plant.dynamics import PlantMechanism
-from invtrack.plant.native.controls import controls
 from invtrack.plant.native.layout import data_count, data_time, model_timestep
 from invtrack.plant.native.libmujoco import address_of
-from invtrack.plant.native.readings import readings_of
 from invtrack.plant.plant import Plant
 from invtrack.simulation.acting_limits import ActingLimit, Stretches
 from invtrack.simulation.active_constraints import ActiveConstraints, ConstraintWatch
 from invtrack.simulation.actuation import Actuation
 from invtrack.simulation.grid import Grid
 from invtrack.simulation.native.law import Calls
-from invtrack.simulation.native.loop import STAGES, control_at_stage, differences
-from invtrack.simulation.native.record import RunMemory
+from invtrack.simulation.native.record import STAGES, RunMemory
 from invtrack.simulation.planned_limits import limits_along
 from invtrack.simulation.simulated_plant import SimulatedPlant
 
@@ -99,6 +96,8 @@ class MujocoStepper:
 
     def bind(self, memory: RunMemory, calls: Calls, grid: Grid) -> None:
         """Put the plant into the record of a run."""
+        from invtrack.plant.native.readings import readings_of  # loads numba, for which nothing waits before a run
+
         model, data, plant = self.model, self.data, self.plant
         stages = [reading.stage for reading in self._readings]
         early, late = ([i for i, stage in enumerate(stages) if (stage == "sensor") is side] for side in (False, True))
@@ -147,6 +146,9 @@ class MujocoStepper:
                 'evaluate="stages" evaluates the input at the stages of RK4, the model uses another integrator; set '
                 '<option integrator="RK4"/> or use evaluate="held"'
             )
+        from invtrack.plant.native.controls import controls
+        from invtrack.simulation.native.loop import control_at_stage
+
         memory.put(stage=STAGES)
         with self.plant.forces(self.model):
             if not at_stages:
@@ -172,6 +174,8 @@ class MujocoStepper:
         nq, nv = self.model.nq, self.model.nv
         if nq == nv:
             return np.asarray((raw - self._x0)[:, self._kept])
+        from invtrack.simulation.native.loop import differences
+
         displacement = np.empty((len(raw), nv))
         # Copies: writable arrays that lie in one piece are the one kind that is compiled for.
         x0, rows = self._x0.copy(), np.ascontiguousarray(raw)

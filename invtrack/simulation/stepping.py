@@ -14,7 +14,6 @@ from invtrack.plant.mujoco_warnings import mujoco_warnings
 from invtrack.simulation.acting_limits import ActingLimit, Stretches
 from invtrack.simulation.grid import Grid
 from invtrack.simulation.native.law import Calls, put_law
-from invtrack.simulation.native.loop import refresh_all, take_steps, write_state
 from invtrack.simulation.native.record import RunMemory
 from invtrack.simulation.simulated_plant import SensorChain, SimulatedPlant, Stepper
 
@@ -80,6 +79,8 @@ class Run:
 
     def go(self, *, at_stages: bool, progress: Progress | None) -> Recorded:
         """Take all steps, or as many as the integration lasts."""
+        from invtrack.simulation.native.loop import refresh_all  # loads numba, for which nothing waits before a run
+
         stepper, total = self.stepper, self.grid.n_steps
         memory = RunMemory()
         calls = Calls(memory)
@@ -119,6 +120,8 @@ class Run:
 
     def _take_steps(self, memory: RunMemory, calls: Calls, review: Callable[[int, int], None], progress: Progress | None) -> int:
         """In chunks that are reviewed, none of which reaches beyond a change of parameters; returns the number of steps taken."""
+        from invtrack.simulation.native.loop import take_steps, write_state
+
         grid, stepper, done = self.grid, self.stepper, 0
         changing = {int(grid.first_step[edge]): parameters for edge, parameters in self.changes.items()}
         ends = [*sorted(step for step in changing if step > 0), grid.n_steps]

@@ -12,8 +12,7 @@ from invtrack.control.output_feedback import OutputFeedbackLaw
 from invtrack.control.protocol import AffineLaw, DifferenceLaw, Law
 from invtrack.errors import SimulationError
 from invtrack.plans.plan import Difference
-from invtrack.simulation.native.loop import AFFINE, ASKED, ESTIMATING
-from invtrack.simulation.native.record import RunMemory
+from invtrack.simulation.native.record import AFFINE, ASKED, ESTIMATING, RunMemory
 
 _C_FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 

@@ -24,13 +24,7 @@ from invtrack.plant.native.pointers import (
     records,
 )
 from invtrack.plant.native.readings import READING, read
-from invtrack.simulation.native.record import RUN
-
-AFFINE, ESTIMATING, ASKED = 0, 1, 2
-"""Kinds of laws."""
-
-STAGES = 4
-"""Stages of a step of RK4."""
+from invtrack.simulation.native.record import AFFINE, ESTIMATING, RUN, STAGES
 
 _runs_at, _readings_at = records(RUN), records(READING)
 

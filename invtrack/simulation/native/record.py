@@ -7,6 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+AFFINE, ESTIMATING, ASKED = 0, 1, 2
+"""Kinds of laws."""
+
+STAGES = 4
+"""Stages of a step of RK4."""
+
 _PLANT = """linear model data step forward kinematics tendon differentiate integrate nq nv na n p width
 qpos qvel act ctrl inputs x0 kept coordinates placed timestep time"""
 _LINEAR = "case transitions sensor_rows rests u0 y0 A B low high together rates"
