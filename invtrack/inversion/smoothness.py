@@ -34,17 +34,23 @@ def require_smooth(plant: SwitchedSystem, internals: Sequence[InternalDynamics],
             known[order] = (sides[0] - sides[1] + (rest if order == 0 else 0.0)).T
         return known[order]
 
-    shape = (len(plant), len(plant))
-    pairs, which = np.unique(np.ravel_multi_index((before, after), shape), return_inverse=True)
-    for number, (i, j) in enumerate(zip(*np.unravel_index(pairs, shape), strict=True)):
-        form = internals[i].form
+    forms = list({id(internal.form): internal.form for internal in internals}.values())
+    place = {id(form): number for number, form in enumerate(forms)}
+    number = np.array([place[id(internal.form)] for internal in internals])
+    shape = (len(forms), len(forms))
+    pairs, which = np.unique(np.ravel_multi_index((number[before], number[after]), shape), return_inverse=True)
+    faults: list[tuple[int, NormalForm]] = []
+    for pair, (i, j) in enumerate(zip(*np.unravel_index(pairs, shape), strict=True)):
+        form = forms[i]
         size = form.zeta.size(reference.size)
-        shared = np.ones(len(size), dtype=bool) if i == j else _shared_rows(form, internals[j].form)
+        shared = np.ones(len(size), dtype=bool) if i == j else _shared_rows(form, forms[j])
         broken = np.abs(form.zeta.rows(jump)) > JUMP_TOLERANCE * np.where(size > 0, size, 1.0)[:, None]
-        broken &= shared[:, None] & (which == number)
+        broken &= shared[:, None] & (which == pair)
         if np.any(broken):
-            at = int(np.flatnonzero(np.any(broken, axis=0))[0])
-            raise TrajectoryError(_not_smooth(plant, form, reference, at, [jump(k) for k in range(len(form.zeta.coefficients))]))
+            faults.append((int(np.flatnonzero(np.any(broken, axis=0))[0]), form))
+    if faults:
+        at, form = min(faults, key=lambda fault: fault[0])
+        raise TrajectoryError(_not_smooth(plant, form, reference, at, [jump(k) for k in range(len(form.zeta.coefficients))]))
 
 
 def _not_smooth(plant: SwitchedSystem, form: NormalForm, reference: PiecewiseSignal, at: int, jumps: Sequence[Array]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,17 +31,18 @@ class OutputDerivatives:
     def rows(self, derivative: Callable[[int], Array]) -> Array:
         """The combinations (m, q) on the state w of a signal with the derivatives y^(k) = derivative(k) @ w, (p, q) for each k."""
         result = np.zeros((self.coefficients.shape[1], derivative(0).shape[1]))
-        for k, used, M in self._terms():
+        for k, used, M in self._terms:
             result += M[:, used] @ derivative(k)[used]
         return result
 
     def size(self, size: Callable[[int], Array]) -> Array:
         """What the terms can add up to (m,), from the sizes of the derivatives: (p,) for each k."""
         result = np.zeros(self.coefficients.shape[1])
-        for k, used, M in self._terms():
+        for k, used, M in self._terms:
             result += np.abs(M[:, used]) @ size(k)[used]
         return result
 
+    @cached_property
     def _terms(self) -> list[tuple[int, Array, Array]]:
         """Orders k that occur, with the outputs in which they do and M_k: a derivative that does not occur need not exist."""
         found = ((k, np.any(M != 0, axis=0), M) for k, M in enumerate(self.coefficients))

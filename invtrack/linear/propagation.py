@@ -96,14 +96,12 @@ class Propagator:
             groups.append(_Group(states, len(S) if number else 0, TransitionSeries(powers)))
         return Propagator(M, groups)
 
-    def matrix(self, tau: float) -> Array:
-        """exp(M tau) (q, q) for one time tau [s], not negative."""
-        if len(self._groups) == 1:
-            return self._groups[0].series.matrix(tau)
-        result = np.zeros_like(self.M)
+    def matrices(self, tau: Array) -> Array:
+        """exp(M tau_i) (m, q, q) for times tau (m,) [s], not negative."""
+        result = np.zeros((len(tau), self.size, self.size))
         for group in self._groups:
             states = np.arange(self.size)[group.states]
-            result[np.ix_(states, states)] = group.series.matrix(tau)
+            result[:, states[:, np.newaxis], states] = group.series.matrices(tau)
         return result
 
     def states(self, v: Array, tau: Array) -> Array:

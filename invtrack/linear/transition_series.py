@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.arrays import Array, Indices
-from invtrack.linear.recurring_transitions import RecurringTransitions
+from invtrack.linear.recurring_transitions import OFTEN, RecurringTransitions
 from invtrack.linear.transition_powers import NODE_ANGLE, TransitionPowers, doublings
 
 SPARSE = 16
@@ -49,11 +49,16 @@ class TransitionSeries:
     def __init__(self, powers: TransitionPowers) -> None:
         self.powers, self._recurring = powers, RecurringTransitions(powers)
 
-    def matrix(self, tau: float) -> Array:
-        """exp(M tau) (q, q) for one time tau [s], not negative."""
+    def matrices(self, tau: Array) -> Array:
+        """exp(M tau_i) (m, q, q) for times tau (m,) [s], not negative: a few each by itself, many as states that start from 1."""
+        scale, m, q = self.powers.scale, len(tau), len(self.powers.matrix)
         if math.isinf(self.powers.step):
-            return np.eye(len(self.powers.matrix))
-        return self.powers.scale[:, None] * self._recurring.matrix(tau / self.powers.step) / self.powers.scale
+            return np.tile(np.eye(q), (m, 1, 1))
+        if m < OFTEN:
+            found = [self._recurring.matrix(distance) for distance in (tau / self.powers.step).tolist()]
+            return scale[:, None] * np.array(found).reshape(m, q, q) / scale
+        columns = self.outputs(np.eye(q), np.eye(q), np.tile(np.arange(q), m), np.repeat(tau, q))
+        return columns.reshape(m, q, q).swapaxes(1, 2)
 
     def outputs(self, X: Array, v: Array, owner: Indices, tau: Array, *, resolution: float = 0.0) -> Array:
         """X exp(M tau_i) v[owner_i] at many times: (m, k).

@@ -8,10 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, Indices
 
 RANK_TOLERANCE = 1e-9
 """A pivot below this share of the largest one of its block counts as zero (rows and unknowns come scaled to unit size)."""
+
+BLOCK = 64
+"""Columns that LAPACK works on together, at most: what its workspace is made for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,32 +92,45 @@ def solve(first: Conditions, junctions: Sequence[Conditions], last: Conditions) 
 def _eliminate(left: Array, right: Array, rhs: Array) -> tuple[_Step, Array, Array, float]:
     """Solve for the left unknowns as far as the conditions determine them; what remains are conditions on the right ones."""
     n = left.shape[1]
-    Q, R, order = scipy.linalg.qr(left, pivoting=True) if left.size else (np.eye(len(left)), np.zeros((len(left), n)), np.arange(n))
-    pivots = np.abs(np.diag(R))
-    rank = int(np.sum(pivots > RANK_TOLERANCE * max(pivots.max(initial=0.0), RANK_TOLERANCE)))
-    quality = float(pivots[rank - 1] / pivots[0]) if rank else 1.0
-    right, rhs = Q.T @ right, Q.T @ rhs
-    solved = np.zeros((n, 1 + right.shape[1]))
+    R, order, pivots, turned = _triangle(left, np.column_stack([rhs, right]))
+    rank = len(pivots)
+    solved = np.zeros((n, turned.shape[1]))
     free = np.zeros((n, n - rank))
     if rank:
-        triangle = R[:rank, :rank]
-        solved[order[:rank]] = scipy.linalg.solve_triangular(triangle, np.column_stack([rhs[:rank], right[:rank]]))
-        free[order[:rank]] = -scipy.linalg.solve_triangular(triangle, R[:rank, rank:])
-    free[order[rank:]] = np.eye(n - rank)
-    return _Step(solved[:, 0], solved[:, 1:], free), right[rank:], rhs[rank:], quality
+        solution, _ = scipy.linalg.lapack.dtrtrs(R[:, :rank], np.hstack([turned[:rank], -R[:, rank:]]))
+        solved[order[:rank]], free[order[:rank]] = np.hsplit(solution, [turned.shape[1]])
+        free[order[rank:]] = np.eye(n - rank)
+    else:
+        free[:] = np.eye(n)
+    quality = float(pivots[-1] / pivots[0]) if rank else 1.0
+    return _Step(solved[:, 0], solved[:, 1:], free), turned[rank:, 1:], turned[rank:, 0], quality
 
 
 def _compress(rows: Array, rhs: Array) -> tuple[Array, Array, float]:
     """Independent conditions with the same content, and the size of what the dependent ones fail by."""
     if rows.size == 0:
         return rows, rhs, float(np.max(np.abs(rhs), initial=0.0)) if rows.shape[1] == 0 else 0.0
-    Q, R, order = scipy.linalg.qr(rows, pivoting=True)
-    pivots = np.abs(np.diag(R))
-    rank = int(np.sum(pivots > RANK_TOLERANCE * max(pivots.max(initial=0.0), RANK_TOLERANCE)))
-    rhs = Q.T @ rhs
-    compressed = np.empty((rank, rows.shape[1]))
-    compressed[:, order] = R[:rank]
-    return compressed, rhs[:rank], float(np.max(np.abs(rhs[rank:]), initial=0.0))
+    R, order, pivots, turned = _triangle(rows, rhs[:, np.newaxis])
+    rank = len(pivots)
+    compressed = np.empty_like(R)
+    compressed[:, order] = np.triu(R)
+    return compressed, turned[:rank, 0], float(np.max(np.abs(turned[rank:]), initial=0.0))
+
+
+def _triangle(M: Array, others: Array) -> tuple[Array, Indices, Array, Array]:
+    """R (rank, n) with Q'M = [R; 0] but for the columns' order (n,), the sizes of its pivots (rank,), and Q'others.
+
+    What lies below the diagonal of R is to be left alone. LAPACK itself, without Q: for many small blocks the checks and copies
+    around it would cost more.
+    """
+    if M.size == 0:
+        return np.zeros((0, M.shape[1])), np.arange(M.shape[1]), np.zeros(0), others
+    n, width = M.shape[1], others.shape[1]
+    packed, order, tau, _, _ = scipy.linalg.lapack.dgeqp3(M, lwork=2 * n + (n + 1) * BLOCK)
+    turned, _, _ = scipy.linalg.lapack.dormqr("L", "T", packed[:, : len(tau)], tau, others, lwork=(width + BLOCK + 1) * BLOCK * 2)
+    pivots = np.abs(packed.diagonal())
+    rank = int(np.count_nonzero(pivots > RANK_TOLERANCE * max(pivots[0], RANK_TOLERANCE)))
+    return packed[:rank], order - 1, pivots[:rank], turned
 
 
 def _substitute_back(steps: list[_Step]) -> tuple[list[Array], list[Array]]:
@@ -129,13 +145,16 @@ def _substitute_back(steps: list[_Step]) -> tuple[list[Array], list[Array]]:
     for step in reversed(steps):
         value = -step.coupling @ columns if len(columns) else np.zeros((len(step.fixed), columns.shape[1]))
         value[:, 0] += step.fixed
-        value = np.hstack([value, step.free])
+        if step.free.size:
+            value = np.hstack([value, step.free])
         known, total = columns.shape[1] - 1, value.shape[1] - 1
-        # Over the earlier blocks the columns are orthonormal, the new ones zero, and the particular solution orthogonal to both.
-        Q, R = np.linalg.qr(np.vstack([np.eye(known, total), value[:, 1:]]))
-        shift = -scipy.linalg.solve_triangular(R, Q[known:].T @ value[:, 0]) if total else np.zeros(0)
-        basis = scipy.linalg.solve_triangular(R, np.eye(total)) if total else np.zeros((0, 0))
-        columns = np.column_stack([value[:, 0] + value[:, 1:] @ shift, value[:, 1:] @ basis])
+        shift, basis, columns = np.zeros(0), np.zeros((0, 0)), value
+        if total:
+            # Over the earlier blocks the columns are orthonormal, the new ones zero, the particular solution orthogonal to both.
+            Q, R = np.linalg.qr(np.vstack([np.eye(known, total), value[:, 1:]]))
+            shift = -scipy.linalg.solve_triangular(R, Q[known:].T @ value[:, 0])
+            basis = scipy.linalg.solve_triangular(R, np.eye(total))
+            columns = np.column_stack([value[:, 0] + value[:, 1:] @ shift, value[:, 1:] @ basis])
         blocks.append(columns)
         changes.append((shift[:known], basis[:known]))
     open_count = columns.shape[1] - 1

@@ -97,13 +97,13 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     times = (starts[:, None] + ends[:, None]) / 2 + (ends - starts)[:, None] / 2 * nodes
     inner = trajectory(times.ravel(), np.repeat(piece, len(nodes))).reshape(len(piece), len(nodes), -1)
     x_start, x_end = trajectory(starts, piece)[:, :n], trajectory(ends, piece)[:, :n]
-    interval = model.interval((starts + ends) / 2)
+    number = model.numbers[model.interval((starts + ends) / 2)]
     change, moved = np.empty((len(piece), n)), np.empty((len(piece), n))
     resolution = TIME_STEPS * np.spacing(np.maximum(np.abs(starts), np.abs(ends)))
     planned = np.empty((len(piece), len(nodes), p))
     size, rate = np.max(np.abs(inner[:, :, :n]), axis=(0, 1)), np.zeros(n)
-    for k in np.unique(interval):
-        system, chosen = model.systems[k], interval == k
+    for k in np.unique(number).tolist():
+        system, chosen = model.distinct[k], number == k
         x, u = inner[chosen, :, :n], inner[chosen, :, n : n + m]
         planned[chosen] = x @ system.C.T + u @ system.D.T
         half = (ends - starts)[chosen, None] / 2

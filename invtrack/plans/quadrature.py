@@ -24,31 +24,32 @@ def quadrature_nodes(trajectory: Trajectory) -> tuple[Array, Indices, Array]:
     """Times (k,), their pieces and their shares in an integral over all of time, the denser the nearer to a breakpoint."""
     edges, paces = trajectory.breakpoints, trajectory.paces()
     last = len(edges)
-    spans = [_halved(reach(trajectory.before), paces[0], both=False)]
-    spans += [_halved(length, pace, both=True) for length, pace in zip(np.diff(edges), paces[1:-1], strict=True)]
-    spans.append(_halved(reach(trajectory.after), paces[-1], both=False))
-    stride = max(1, sum(map(len, spans)) // MOST_PANELS)
-    times, pieces, shares = [], [], []
-    for j, span in enumerate(spans):
-        if 0 < j < last and j % stride:
-            continue
-        starts, ends = span[:-1], span[1:]
-        since = ((starts + ends)[:, None] + (ends - starts)[:, None] * NODES).ravel() / 2
-        times.append(edges[0] - since if j == 0 else edges[j - 1] + since)
-        pieces.append(np.full(len(since), j))
-        shares.append(((ends - starts)[:, None] / 2 * NODE_WEIGHTS).ravel() * (stride if 0 < j < last else 1))
-    return np.concatenate(times), np.concatenate(pieces), np.concatenate(shares)
+    lengths = np.concatenate([[reach(trajectory.before)], np.diff(edges), [reach(trajectory.after)]])
+    halvings = np.clip(np.ceil(np.log2(np.maximum(lengths * paces, 1.0))), 0, MOST_HALVINGS).astype(int)
+    panels = np.where(lengths > 0, 2 * halvings + 2, 0)
+    panels[[0, -1]] = np.where(lengths[[0, -1]] > 0, halvings[[0, -1]] + 1, 0)
+    stride = max(1, int(np.sum(panels)) // MOST_PANELS)
+    inner = np.arange(stride, last, stride)
+    pieces, starts, ends, weights = [], [], [], []
+    for chosen, both, times in ((np.array([0]), False, 1), (inner, True, stride), (np.array([last]), False, 1)):
+        for count in np.unique(halvings[chosen]).tolist():
+            alike = chosen[(halvings[chosen] == count) & (lengths[chosen] > 0)]
+            shares = _halved(count, both=both)
+            pieces.append(np.repeat(alike, len(shares) - 1))
+            starts.append(np.multiply.outer(lengths[alike], shares[:-1]).ravel())
+            ends.append(np.multiply.outer(lengths[alike], shares[1:]).ravel())
+            weights.append(np.full(len(pieces[-1]), times))
+    order = np.argsort(np.concatenate(pieces), kind="stable")
+    piece, start, end, weight = (np.concatenate(each)[order] for each in (pieces, starts, ends, weights))
+    since = ((start + end)[:, None] + (end - start)[:, None] * NODES) / 2
+    at = np.where(piece == 0, edges[0], edges[np.maximum(piece - 1, 0)])[:, None] + np.where(piece == 0, -1.0, 1.0)[:, None] * since
+    return at.ravel(), np.repeat(piece, len(NODES)), ((weight * (end - start) / 2)[:, None] * NODE_WEIGHTS).ravel()
 
 
-def _halved(length: float, pace: float, *, both: bool) -> Array:
-    """Edges of panels over [0, length], halved towards the start (and towards the end) down to one time constant."""
-    if length <= 0:
-        return np.zeros(1)
-    times = int(np.clip(np.ceil(np.log2(max(length * pace, 1.0))), 0, MOST_HALVINGS))
+def _halved(times: int, *, both: bool) -> Array:
+    """Edges of panels over [0, 1], halved so many times towards the start (and towards the end)."""
     steps = np.concatenate([[0.0], 2.0 ** np.arange(-times, 1.0)])
-    if not both:
-        return length * steps
-    return length * np.concatenate([steps / 2, 1 - steps[-2::-1] / 2])
+    return np.concatenate([steps / 2, 1 - steps[-2::-1] / 2]) if both else steps
 
 
 def reach(tail: Tail) -> float:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -67,12 +66,6 @@ class Stretch:
     forced: tuple[Array, Array]
     peaks: Array
 
-    @cached_property
-    def transitions(self) -> tuple[Array, Array]:
-        """E_f with z_f at the end = E_f z_f(start) + forced, and E_b with z_b at the start = E_b z_b(end) + forced."""
-        forward, backward = self.system.propagators
-        return forward.matrix(self.lengths.sum()), backward.matrix(self.lengths.sum())
-
     def outer(self, v: Array) -> tuple[Array, Array]:
         """z_f at the end of the stretch and z_b at its start."""
         n_f, total = self.system.forward.size, np.array([self.lengths.sum()])
@@ -110,6 +103,23 @@ def stretches(systems: Sequence[TwoSidedSystem], owner: Indices, pieces: DrivenP
     ]
 
 
+def transitions(found: Sequence[Stretch], part: int) -> list[Array]:
+    """E of each stretch: z_f at its end = E z_f(start) + forced, or, of part 1, z_b at its start = E z_b(end) + forced."""
+    result: dict[int, Array] = {}
+    for members in recurring([id(stretch.system) for stretch in found]):
+        lengths = np.array([found[k].lengths.sum() for k in members])
+        result.update(zip(members, found[members[0]].system.propagators[part].matrices(lengths), strict=True))
+    return [result[k] for k in range(len(found))]
+
+
+def recurring(keys: Sequence[Hashable]) -> list[list[int]]:
+    """The numbers of those that share a key, for each key in turn."""
+    numbers: dict[Hashable, list[int]] = {}
+    for number, key in enumerate(keys):
+        numbers.setdefault(key, []).append(number)
+    return list(numbers.values())
+
+
 def _forced(system: TwoSidedSystem, part: int, added: Array, lengths: Array) -> Array:
     """z at the start of each piece and at the end (k + 1, n), from zero where the part starts, `added` (k, n) over each piece."""
     if part:
@@ -129,13 +139,11 @@ def piece_states(found: Sequence[Stretch], values: Sequence[Array]) -> tuple[Arr
         np.concatenate([times[-1] - times[1:] for times in elapsed]),
     )
     owner = np.repeat(np.arange(len(found)), counts)
-    alike: dict[int, list[int]] = {}
-    for number, stretch in enumerate(found):
-        alike.setdefault(id(stretch.system), []).append(number)
+    alike = recurring([id(stretch.system) for stretch in found])
     result = []
     for part in (0, 1):
         z = np.zeros((len(owner), max((stretch.system.forward.size, stretch.system.backward.size)[part] for stretch in found)))
-        for members in alike.values():
+        for members in alike:
             system = found[members[0]].system
             n_f, propagator = system.forward.size, system.propagators[part]
             place = np.full(len(found), -1)

@@ -122,6 +122,7 @@ class DrivenSystem:
         S: generator of the reference (q, q).
         D_f, D_b: what drives each part, (n_f, q) and (n_b, q).
         X_w, J_w: X_w w is the reference's share of the values and J_w w of what is continuous through a jump, (r, q) and (m, q).
+        made: its propagators, shared by systems that differ in their values only.
     """
 
     system: TwoSidedSystem
@@ -130,12 +131,15 @@ class DrivenSystem:
     D_b: Array
     X_w: Array
     J_w: Array
+    made: list[Propagator] = field(default_factory=list, repr=False)
 
-    @cached_property
+    @property
     def propagators(self) -> tuple[Propagator, Propagator]:
         """Those of [z_f; w] forward and of [z_b; w] backward in time."""
-        forward, backward = self.system.propagators
-        return forward.driven(self.D_f, self.S), backward.driven(-self.D_b, -self.S)
+        if not self.made:
+            forward, backward = self.system.propagators
+            self.made[:] = forward.driven(self.D_f, self.S), backward.driven(-self.D_b, -self.S)
+        return self.made[0], self.made[1]
 
     @cached_property
     def pace(self) -> float:
@@ -144,7 +148,7 @@ class DrivenSystem:
 
     def in_units(self, forward: float, backward: float, system: TwoSidedSystem) -> DrivenSystem:
         """The same, `system` being this one's in these units."""
-        return replace(self, system=system, D_f=self.D_f / forward, D_b=self.D_b / backward)
+        return replace(self, system=system, D_f=self.D_f / forward, D_b=self.D_b / backward, made=[])
 
     def steady(self) -> tuple[Array, Array]:
         """z_f = steady_f w and z_b = steady_b w (., q), bounded where the reference runs on for ever: equilibria where it holds.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -12,7 +11,7 @@ import numpy as np
 from invtrack.arrays import Array, Indices
 from invtrack.linear.state_sizes import unit_ratios
 from invtrack.plans.boundary_value import BoundaryValueSolution, Conditions, solve
-from invtrack.plans.junctions import at_rest, junction_conditions
+from invtrack.plans.junctions import at_rest, junctions
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.stretch import DrivenPieces, Stretch, piece_states, stretches
 from invtrack.plans.trajectory import Trajectory, TwoSidedSegments, grouped
@@ -72,29 +71,36 @@ class TwoSidedProblem(Pieces):
         z_first = before.steady()[0] @ self.anchor(0)
         z_last = after.steady()[1] @ self.anchor(-1)
         none = np.zeros((0, 0))
-        conditions, checks, rows, sizes = [], [], [], [float(np.max(stretch.peaks, initial=0.0)) for stretch in found]
-        for k, (left, right) in enumerate(itertools.pairwise(found)):
-            condition, check, count, size = junction_conditions(
-                left, right, *self._joined(k), self.shifts[k], self.peaks[k], self.ratios
-            )
-            conditions.append(condition)
-            checks.append(check)
-            rows.append(count)
-            sizes.append(size)
-        sizes += [float(np.max(np.abs(z), initial=0.0)) for z in (z_first, z_last)]
+        joined = junctions(found, *self._joined(), self.shifts, self.peaks, self.ratios)
+        conditions = [each.conditions for each in joined]
+        sizes = [stretch.peaks for stretch in found] + [np.array([each.size for each in joined]), np.abs(z_first), np.abs(z_last)]
         last = found[-1]
         rest_before = Conditions(np.eye(len(z_first), found[0].system.size), none, z_first)
         rest_after = Conditions(np.eye(len(z_last), last.system.size, k=last.system.forward.size), none, z_last)
         boundary = solve(rest_before, conditions, rest_after)
         if boundary.freedom and len(last.system.neutral):  # where nothing is left open, rest is for the caller to judge
             boundary = solve(rest_before, conditions, at_rest(last, after.steady()[0] @ self.anchor(-1), z_last))
-        return TwoSidedSolution(self, found, [rest_before, *conditions], boundary, checks, rows, max(sizes))
+        return TwoSidedSolution(
+            problem=self,
+            stretches=found,
+            conditions=[rest_before, *conditions],
+            boundary=boundary,
+            open_checks=[each.check for each in joined],
+            compatibility_rows=[each.compatibility_rows for each in joined],
+            size=float(np.max(np.concatenate(sizes), initial=0.0)),
+        )
 
-    def _joined(self, k: int) -> tuple[Array, Array]:
-        """What the reference adds to what is continuous, J_w w, on both sides of switch k."""
-        right = int(np.searchsorted(self.breakpoints, self.switch_times[k], side="right"))  # the piece that starts there
-        before, after = self.driven[self.which[right - 1]], self.driven[self.which[right]]
-        return before.J_w @ self.w_end[right - 1, : len(before.S)], after.J_w @ self.w_start[right, : len(after.S)]
+    def _joined(self) -> tuple[Array, Array]:
+        """What the reference adds to what is continuous, J_w w, on both sides of each switch: (N, m) each."""
+        right = np.searchsorted(self.breakpoints, self.switch_times, side="right")  # the pieces that start there
+        sides = []
+        for piece, w in ((right - 1, self.w_end), (right, self.w_start)):
+            added, which = np.zeros_like(self.shifts), self.which[piece]
+            for index in np.unique(which).tolist():
+                driven, chosen = self.driven[index], which == index
+                added[chosen] = w[piece[chosen], : len(driven.S)] @ driven.J_w.T
+            sides.append(added)
+        return sides[0], sides[1]
 
 
 class Driveable(Protocol):

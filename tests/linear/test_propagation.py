@@ -10,10 +10,16 @@ import scipy.linalg
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from invtrack.arrays import Array
 from invtrack.linear.propagation import Propagator, flow
 from tests.linear.random_plants import rotation
 
 EPS = np.finfo(float).eps
+
+
+def transition(propagator: Propagator, tau: float) -> Array:
+    """exp(M tau) for one time."""
+    return propagator.matrices(np.array([tau]))[0]
 
 
 @settings(deadline=None, max_examples=40, derandomize=True)
@@ -117,6 +123,18 @@ def test_values_do_not_depend_on_how_the_times_are_spread(rows: int, times: int)
         assert found == pytest.approx(expected, abs=1e-12 * np.max(np.abs(expected))), name
 
 
+@pytest.mark.parametrize("count", [3, 40])
+@pytest.mark.parametrize("even", [True, False])
+def test_many_exponentials_at_once(count: int, even: bool) -> None:
+    """Few and many, of times that recur to within rounding or not, of modes of one pace and of two that nothing couples."""
+    rng = np.random.default_rng(11)
+    times = 0.7 * (1 + 1e-15 * np.arange(count)) if even else rng.uniform(0.0, 3.0, size=count)
+    own = rng.normal(size=(8, 8)) / 3 - np.eye(8)
+    for M in (own, scipy.linalg.block_diag(own, 100 * own)):
+        expected = np.array([scipy.linalg.expm(M * tau) for tau in times])
+        assert Propagator(M).matrices(times) == pytest.approx(expected, abs=1e-13)
+
+
 @pytest.mark.parametrize("tau", [0.0, 1e-9, 0.01, 1.0, 37.0])
 def test_one_exponential(tau: float) -> None:
     """In coordinates whose units differ by factors of up to 1e6, against scipy's."""
@@ -124,7 +142,7 @@ def test_one_exponential(tau: float) -> None:
     M = rng.normal(size=(5, 5)) - 2.0 * np.eye(5)
     scale = np.exp2(np.array([0.0, 20.0, -7.0, 3.0, 11.0]))
     expected = scipy.linalg.expm(M * tau)
-    found = Propagator(M * scale[:, None] / scale).matrix(tau) / scale[:, None] * scale
+    found = transition(Propagator(M * scale[:, None] / scale), tau) / scale[:, None] * scale
     assert found == pytest.approx(expected, abs=1e-12 * np.max(np.abs(expected)))
 
 
@@ -157,7 +175,7 @@ def test_a_driven_system_shares_the_transitions_of_its_own(pace: float, drive: f
         found = driven.outputs(np.eye(8), v * unit, np.zeros(len(tau), dtype=np.intp), tau, resolution=1e-15) / unit
         expected = np.array([scipy.linalg.expm(np.block([[A, D], [np.zeros((2, 6)), S]]) * t) @ v[0] for t in tau])
         assert found == pytest.approx(expected, abs=1e-13 * np.max(np.abs(expected)))
-    assert own.matrix(1.7) == pytest.approx(scipy.linalg.expm(1.7 * A), abs=1e-14)
+    assert transition(own, 1.7) == pytest.approx(scipy.linalg.expm(1.7 * A), abs=1e-14)
 
 
 def test_a_transpose_shares_the_transitions_of_its_original() -> None:
@@ -166,7 +184,7 @@ def test_a_transpose_shares_the_transitions_of_its_original() -> None:
     A, scale = rng.normal(size=(5, 5)) - 2.0 * np.eye(5), np.exp2(np.array([0.0, 20.0, -7.0, 3.0, 11.0]))
     own = Propagator(A * scale[:, None] / scale)
     expected = scipy.linalg.expm(2.3 * A).T
-    assert own.transposed.matrix(2.3) * scale[:, None] / scale == pytest.approx(expected, abs=1e-12 * np.max(np.abs(expected)))
+    assert transition(own.transposed, 2.3) * scale[:, None] / scale == pytest.approx(expected, abs=1e-12 * np.max(np.abs(expected)))
     assert own.transposed.growth == pytest.approx(np.max(np.linalg.eigvals(A).real), rel=1e-12)
 
 
@@ -188,8 +206,10 @@ def test_states_that_nothing_couples_are_carried_at_their_own_pace(tau: np.ndarr
     assert found / size == pytest.approx(expected / size, abs=1e-13)
     assert driven.states(np.repeat(start, len(tau), axis=0), tau) / size == pytest.approx(found / size, abs=1e-13)
     assert (own.pace, own.growth) == (pytest.approx(3 * a), pytest.approx(0.0, abs=1e-14))
-    assert own.matrix(0.5)[:, 0] == pytest.approx(np.append(np.cos(1.0) * np.eye(8)[0], -np.sin(1.0) * np.eye(8)[0]), abs=1e-14)
-    assert own.transposed.matrix(0.5) == pytest.approx(own.matrix(0.5).T, abs=1e-15)
+    assert transition(own, 0.5)[:, 0] == pytest.approx(
+        np.append(np.cos(1.0) * np.eye(8)[0], -np.sin(1.0) * np.eye(8)[0]), abs=1e-14
+    )
+    assert transition(own.transposed, 0.5) == pytest.approx(transition(own, 0.5).T, abs=1e-15)
 
 
 def test_evenly_spaced_times_that_lie_far_out_are_taken_as_they_are() -> None:
@@ -217,7 +237,7 @@ def test_times_that_recur_to_within_rounding(off: float) -> None:
     expected = np.array([X @ scipy.linalg.expm(M * t) @ w for t, w in zip(tau, v, strict=True)])
     for _ in range(2):  # found, then remembered
         assert propagator.outputs(X, v, np.arange(400), tau) == pytest.approx(expected, rel=1e-13, abs=1e-13)
-    assert propagator.matrix(tau[0]) == pytest.approx(scipy.linalg.expm(M * tau[0]), rel=1e-13, abs=1e-14)
+    assert transition(propagator, tau[0]) == pytest.approx(scipy.linalg.expm(M * tau[0]), rel=1e-13, abs=1e-14)
 
 
 def test_a_chain_of_integrators_over_times_that_recur_keeps_the_digits_of_its_smallest_term() -> None:
