@@ -22,7 +22,7 @@ def require_smooth(plant: SwitchedSystem, internals: Sequence[InternalDynamics],
     With a vector relative degree r this is y_d ... y_d^(r-1). The reference is the deviation from the outputs at rest, of which the
     absolute one must be continuous. Raises TrajectoryError.
     """
-    edges, inner = reference.breakpoints, reference.inner_times()
+    edges = reference.breakpoints
     after, before = plant.interval(edges), np.searchsorted(plant.switch_times, edges, side="left")
     rest = plant.rest_outputs[after] - plant.rest_outputs[before]
     known: dict[int, Array] = {}
@@ -30,8 +30,8 @@ def require_smooth(plant: SwitchedSystem, internals: Sequence[InternalDynamics],
     def jump(order: int) -> Array:
         """Jump of a derivative of the wanted outputs at each breakpoint (p, m + 1)."""
         if order not in known:
-            sides = [reference(edges, derivative=order, inside=times) for times in (inner[1:], inner[:-1])]
-            known[order] = (sides[0] - sides[1] + (rest if order == 0 else 0.0)).T
+            left, right = reference.sides(order)
+            known[order] = (right - left + (rest if order == 0 else 0.0)).T
         return known[order]
 
     forms = list({id(internal.form): internal.form for internal in internals}.values())

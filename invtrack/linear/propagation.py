@@ -21,6 +21,9 @@ APART = 16.0
 FEW = 16
 """With fewer states nothing is gained by that."""
 
+BLOCK = 16
+"""Pieces that follow one from the other in a block, of which all are worked on at once."""
+
 VAN_LOAN_NORM = 0.5
 """Norm up to which a Gramian is read off one exponential; beyond, that of a shorter time is doubled, which cancels nothing."""
 
@@ -152,35 +155,27 @@ def flow(M: Array, v: Array, tau: Array) -> Array:
 def forced_states(propagator: Propagator, added: Array, lengths: Array) -> Array:
     """z_0 = 0, z_(j+1) = exp(A L_j) z_j + g_j for pieces j = 0 ... m - 1 of one system z' = A z + ...: all z_j, (m + 1, n).
 
-    propagator: of A; added: what is added over each piece, g (m, n); lengths: L (m,) [s]. The pieces are worked on in about sqrt(m)
-    blocks side by side, each from zero; then the blocks' starts follow one from the other, and what each start adds within its
-    block is put on top. The cost is linear in m.
+    propagator: of A; added: what is added over each piece, g (m, n); lengths: L (m,) [s]. Blocks of BLOCK pieces are worked on side
+    by side, each from zero; their starts follow one from the other in the same way; then what each start adds within its block is
+    put on top. The cost is linear in m.
     """
     m, n = added.shape
     result = np.zeros((m + 1, n))
     if m == 0 or n == 0:
         return result
-    if m == 1:
-        result[1] = added[0]
-        return result
-    width = math.isqrt(m - 1) + 1
-    blocks = -(-m // width)
-    g = np.zeros((blocks * width, n))
-    L = np.zeros(blocks * width)
+    blocks = -(-m // BLOCK)
+    g, L = np.zeros((blocks * BLOCK, n)), np.zeros(blocks * BLOCK)
     g[:m], L[:m] = added, lengths
-    g, L = g.reshape(blocks, width, n), L.reshape(blocks, width)
-    inner = np.zeros((blocks, width + 1, n))
-    for j in range(width):
-        inner[:, j + 1] = propagator.states(inner[:, j], L[:, j]) + g[:, j]
-    elapsed = np.concatenate([np.zeros((blocks, 1)), np.cumsum(L, axis=1)], axis=1)
-    start = np.zeros((blocks, n))
-    for k in range(1, blocks):
-        start[k] = propagator.states(start[k - 1 : k], elapsed[k - 1, -1:])[0] + inner[k - 1, -1]
-    owner = np.repeat(np.arange(blocks), width + 1)
-    inner += propagator.outputs(np.eye(n), start, owner, elapsed.ravel()).reshape(inner.shape)
-    result[:m] = inner[:, :width].reshape(-1, n)[:m]
-    last = m - (blocks - 1) * width
-    result[m] = inner[-1, last]
+    g, L = g.reshape(blocks, BLOCK, n), L.reshape(blocks, BLOCK)
+    inner = np.zeros((blocks, BLOCK + 1, n))
+    for j in range(min(m, BLOCK)):
+        inner[:, j + 1] = (propagator.states(inner[:, j], L[:, j]) if j else 0.0) + g[:, j]
+    if blocks > 1:
+        elapsed = np.cumsum(L, axis=1)
+        start = forced_states(propagator, inner[:-1, -1], elapsed[:-1, -1])
+        owner = np.repeat(np.arange(blocks), BLOCK)
+        inner[:, 1:] += propagator.outputs(np.eye(n), start, owner, elapsed.ravel()).reshape(blocks, BLOCK, n)
+    result[1:] = inner[:, 1:].reshape(-1, n)[:m]
     return result
 
 

@@ -12,6 +12,9 @@ RECURS = 1e-6
 """Times recur that differ by less than this share of themselves, and of a node distance: three terms of a series lead from one to
 the other, and the first one left out is below 1e-17 of the first, entry by entry, of chains of integrators, too."""
 
+NEARLY = 1e-9
+"""For those that differ by no more than this share two terms will do."""
+
 OFTEN = 16
 """A time is remembered that recurs this often in one call, and as often as there are states: its transition costs as much."""
 
@@ -55,28 +58,31 @@ class RecurringTransitions:
         return known if 2 * np.count_nonzero(known) > len(known) else None
 
     def values(self, X: Array, v: Array, owner: Indices, distances: Array) -> Array:
-        """X exp(M h distance_i) v[owner_i], (m, k), for distances (m,) that are known; X (k, q), v (g, q)."""
+        """X exp(M h distance_i) v[owner_i], (m, k), at known distances (m,): X (k, q) in scaled coordinates, v (g, q) not."""
         which, remainder, _ = self._nearest(distances)
-        k, M = len(X), self._powers.matrix * self._powers.step
-        result = np.empty((len(distances), k))
+        M, result = self._powers.matrix * self._powers.step, np.empty((len(distances), len(X)))
         for index in np.flatnonzero(np.bincount(which)).tolist():
             chosen = np.flatnonzero(which == index) if len(self._distances) > 1 else slice(None)
-            rows, off = [X @ self._transitions[index]], remainder[chosen, np.newaxis]
-            if np.any(off):
-                rows.append(rows[0] @ M)
-                rows.append(rows[1] @ M / 2)
-            found = v[owner[chosen]] @ np.concatenate(rows).T
-            if np.any(off):
-                result[chosen] = found[:, :k] + off * (found[:, k : 2 * k] + off * found[:, 2 * k :])
-            else:
-                result[chosen] = found
+            off, states = remainder[chosen, np.newaxis], v[owner[chosen]]
+            farthest = float(np.max(np.abs(off))) / max(min(self._distances[index], 1.0), np.finfo(float).tiny)
+            rows = [X @ self._transitions[index]]
+            for order in range(1, 1 + (farthest > 0) + (farthest > NEARLY)):
+                rows.append(rows[-1] @ M / order)
+            found = states @ (rows[-1] / self._powers.scale).T
+            for row in reversed(rows[:-1]):
+                found *= off
+                found += states @ (row / self._powers.scale).T
+            result[chosen] = found
         return result
 
     def _nearest(self, distances: Array) -> tuple[Indices, Array, NDArray[np.bool_]]:
         """The nearest remembered distance to each of these (m,), how far off it is, and whether it is near enough."""
         if not len(self._distances):
             return np.zeros(len(distances), dtype=np.intp), distances, np.zeros(len(distances), dtype=bool)
-        which = np.searchsorted((self._distances[:-1] + self._distances[1:]) / 2, distances)
+        if len(self._distances) == 1:
+            which = np.zeros(len(distances), dtype=np.intp)
+        else:
+            which = np.searchsorted((self._distances[:-1] + self._distances[1:]) / 2, distances)
         remainder = distances - self._distances[which]
         return which, remainder, np.abs(remainder) <= RECURS * np.minimum(self._distances, 1.0)[which]
 

@@ -77,7 +77,7 @@ class TransitionSeries:
         if math.isinf(self.powers.step):
             np.matmul(v[owner], X.T, out=result)
             return result
-        rows, v = _Rows(X * self.powers.scale, self.powers.matrix * self.powers.step), v / self.powers.scale
+        rows = _Rows(X * self.powers.scale, self.powers.matrix * self.powers.step)
         long = max(LONG_STRETCH, len(self.powers.matrix))
         edges, done = np.zeros(1, dtype=int), 0
         if np.any(owner[long - 1 :] == owner[: max(0, len(owner) - long + 1)]):  # else no stretch is long
@@ -107,7 +107,7 @@ class TransitionSeries:
             within = np.concatenate([within, within @ next(transitions)])
         blocks = -(-m // len(within))
         states = np.empty((blocks, q))
-        states[:1] = self._carried(v[np.newaxis], np.zeros(1, dtype=np.intp), np.array([start]))
+        states[:1] = self._carried(v[np.newaxis] / self.powers.scale, np.zeros(1, dtype=np.intp), np.array([start]))
         filled = 1
         while filled < blocks:
             more = min(filled, blocks - filled)
@@ -138,7 +138,7 @@ class TransitionSeries:
     def _around_nodes(self, rows: _Rows, v: Array, owner: Indices, distances: Array) -> Array:
         """X exp(M h distance_i) v[owner_i] (m, k), from the states at the nodes."""
         cells = _Cells.of(distances, owner)
-        nodes = self._nodes(v[cells.owner], cells.count)
+        nodes = self._nodes(v[cells.owner] / self.powers.scale, cells.count)
         (k, q), m, c, terms = rows.X.shape, len(cells.cell), len(nodes), cells.terms
         summed_first = terms * (c * q * q + ENTRYWISE * m * q) + m * k * q
         mapped_first = terms * ((c + q) * k * q + ENTRYWISE * m * k)

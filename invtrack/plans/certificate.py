@@ -96,7 +96,7 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     n, m, p = model.n_states, model.n_inputs, model.n_outputs
     times = (starts[:, None] + ends[:, None]) / 2 + (ends - starts)[:, None] / 2 * nodes
     inner = trajectory(times.ravel(), np.repeat(piece, len(nodes))).reshape(len(piece), len(nodes), -1)
-    x_start, x_end = trajectory(starts, piece)[:, :n], trajectory(ends, piece)[:, :n]
+    x_start, x_end = (trajectory(times, piece, slice(n)) for times in (starts, ends))
     number = model.numbers[model.interval((starts + ends) / 2)]
     change, moved = np.empty((len(piece), n)), np.empty((len(piece), n))
     resolution = TIME_STEPS * np.spacing(np.maximum(np.abs(starts), np.abs(ends)))
@@ -153,7 +153,7 @@ def _panels(trajectory: Trajectory, switch_times: Array, span: tuple[float, floa
 def _continuity(model: SwitchedSystem, trajectory: Trajectory, size: Array) -> float:
     times, n = np.union1d(trajectory.breakpoints, model.switch_times), len(size)
     before, after = (np.searchsorted(trajectory.breakpoints, times, side=side) for side in ("left", "right"))
-    left, right = trajectory(times, before)[:, :n], trajectory(times, after)[:, :n]
+    left, right = (trajectory(times, piece, slice(n)) for piece in (before, after))
     shifts = np.zeros((len(times), n))
     shifts[np.searchsorted(times, model.switch_times)] = model.shifts
     return float(np.max(np.abs(right - left - shifts) / size))

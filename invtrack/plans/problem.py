@@ -72,7 +72,7 @@ class PlanningProblem:
         plant = as_switched(model)
         require_reference(plant, reference)
         deviation = deviation_reference(plant, reference)
-        return cls(plant, reference, deviation, deviation.end_anchors(), tolerance, max_preactuation, max_postactuation)
+        return cls(plant, reference, deviation, deviation.end_anchors, tolerance, max_preactuation, max_postactuation)
 
     @property
     def manoeuvre(self) -> tuple[float, float]:

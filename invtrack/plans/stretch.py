@@ -15,6 +15,9 @@ from invtrack.plans.two_sided import DrivenSystem, TwoSidedSystem
 WITHIN = (1 / 3, 2 / 3)
 """Where within a piece peaks are looked for, too, as shares of its length: at its ends all may happen to pass through zero."""
 
+LOOKED_WITHIN = 4096
+"""In how many pieces at most, spread evenly over those of a stretch."""
+
 
 @dataclass(frozen=True, eq=False)
 class DrivenPieces:
@@ -33,13 +36,17 @@ class DrivenPieces:
     w_start: Array
     w_end: Array
 
+    def some(self, chosen: Indices) -> DrivenPieces:
+        """These pieces only."""
+        return DrivenPieces(self.driven, self.which[chosen], self.lengths[chosen], self.w_start[chosen], self.w_end[chosen])
+
     def carried(self, part: int, z: Array, share: float = 1.0) -> Array:
         """z (k, n) carried over this share of each piece's length under the reference's drive; part 0: forward, 1: backward.
 
         n: the largest number of states of that part; rows of systems with fewer are padded.
         """
         w, result = (self.w_start, self.w_end)[part], np.zeros_like(z)
-        for index in np.unique(self.which).tolist():
+        for index in np.flatnonzero(np.bincount(self.which)).tolist():
             driven, chosen = self.driven[index], np.flatnonzero(self.which == index)
             n, q = (driven.system.forward.size, driven.system.backward.size)[part], len(driven.S)
             start = np.hstack([z[chosen, :n], w[chosen, :q]])
@@ -81,6 +88,8 @@ def stretches(systems: Sequence[TwoSidedSystem], owner: Indices, pieces: DrivenP
     """
     edges = np.searchsorted(owner, np.arange(len(systems) + 1))
     within = [slice(first, last) for first, last in itertools.pairwise(edges.tolist())]
+    looked = [np.arange(each.start, each.stop, -(-(each.stop - each.start) // LOOKED_WITHIN) or 1) for each in within]
+    some, first = pieces.some(np.concatenate(looked)), np.cumsum([0, *map(len, looked)]).tolist()
     forced: list[list[Array]] = [[], []]
     peaks = []
     for part in (0, 1):
@@ -90,11 +99,12 @@ def stretches(systems: Sequence[TwoSidedSystem], owner: Indices, pieces: DrivenP
         for system, n, chosen in zip(systems, sizes, within, strict=True):
             forced[part].append(_forced(system, part, added[chosen, :n], pieces.lengths[chosen]))
             since[chosen, :n] = forced[part][-1][1:] if part else forced[part][-1][:-1]
-        largest = np.max([np.abs(pieces.carried(part, since, share)) for share in WITHIN], axis=0)
+        since = since[np.concatenate(looked)]
+        largest = np.max([np.abs(some.carried(part, since, share)) for share in WITHIN], axis=0)
         peaks.append(
             [
-                np.maximum(np.max(np.abs(z), axis=0, initial=0.0), np.max(largest[chosen, :n], axis=0, initial=0.0))
-                for z, n, chosen in zip(forced[part], sizes, within, strict=True)
+                np.maximum(np.max(np.abs(z), axis=0, initial=0.0), np.max(largest[start:stop, :n], axis=0, initial=0.0))
+                for z, n, (start, stop) in zip(forced[part], sizes, itertools.pairwise(first), strict=True)
             ]
         )
     return [

@@ -58,15 +58,13 @@ class TwoSidedSegments:
 
     Args:
         driven: the system.
-        z_f, w_start: forward part (k, n_f) and reference's state (k, q) at the segments' starts.
-        z_b, w_end: backward part (k, n_b) and reference's state (k, q) at their ends.
+        start: forward part and reference's state [z_f; w] at the segments' starts (k, n_f + q).
+        end: backward part and reference's state [z_b; w] at their ends (k, n_b + q).
     """
 
     driven: DrivenSystem
-    z_f: Array
-    w_start: Array
-    z_b: Array
-    w_end: Array
+    start: Array
+    end: Array
 
     @property
     def rows(self) -> int:
@@ -89,11 +87,10 @@ class TwoSidedSegments:
         result = np.zeros((len(number), len(X_w)))
         both = self.driven.propagators
         if both[0].size:
-            v = np.hstack([self.z_f, self.w_start])
-            result += both[0].outputs(np.hstack([forward.X[rows], X_w]), v, number, since, resolution=resolution)
+            result += both[0].outputs(np.hstack([forward.X[rows], X_w]), self.start, number, since, resolution=resolution)
         if backward.size:
-            v = np.hstack([self.z_b, self.w_end])
-            result += both[1].outputs(np.hstack([backward.X[rows], np.zeros_like(X_w)]), v, number, until, resolution=resolution)
+            backward_rows = np.hstack([backward.X[rows], np.zeros_like(X_w)])
+            result += both[1].outputs(backward_rows, self.end, number, until, resolution=resolution)
         return result
 
     def derivative(self) -> TwoSidedSegments:

@@ -247,7 +247,11 @@ def two_sided_trajectory(pieces: Pieces, z_f: Array, z_b: Array, first_b: Array,
     def segments(number: int, chosen: Indices) -> TwoSidedSegments:
         driven = pieces.driven[number]
         q, n_f, n_b = len(driven.S), driven.system.forward.size, driven.system.backward.size
-        return TwoSidedSegments(driven, z_f[chosen, :n_f], w_start[chosen, :q], z_b[chosen, :n_b], w_end[chosen, :q])
+        return TwoSidedSegments(
+            driven,
+            np.hstack([z_f[chosen, :n_f], w_start[chosen, :q]]),
+            np.hstack([z_b[chosen, :n_b], w_end[chosen, :q]]),
+        )
 
     before, after = pieces.driven[pieces.which[0]], pieces.driven[pieces.which[-1]]
     return grouped(

@@ -130,13 +130,18 @@ def _interpolant(t: Array, y: Array, degree: int, smoothness: int) -> scipy.inte
     # In one more channel the spline through samples that alternate between -1 and 1: between the samples none through samples of
     # size 1 goes further, as the matrix is totally positive, or nearly so (de Boor, ch. XIII).
     right[inner, p] = (-1.0) ** np.arange(m - 2)
-    columns = first[:, np.newaxis] + np.arange(degree + 1)
-    right -= np.einsum("ij,ijk->ik", rows, c[columns])
-    i, j = np.nonzero((columns >= rest) & (columns < n - rest) & (rows != 0))
-    offset = columns[i, j] - rest - i
-    lower, upper = -int(np.min(offset, initial=0)), int(np.max(offset, initial=0))
+    ends = np.flatnonzero(first + degree >= n - rest)  # rows in which coefficients occur that are known and not zero
+    right[ends] -= np.einsum("ij,ijk->ik", rows[ends], c[first[ends, np.newaxis] + np.arange(degree + 1)])
+    offset = first - rest - np.arange(len(rows))  # of each row's first coefficient from the diagonal
+    entries = []
+    for j in range(degree + 1):
+        i = np.flatnonzero((first + j >= rest) & (first + j < n - rest) & (rows[:, j] != 0))
+        entries.append((offset[i] + j, first[i] + j - rest, rows[i, j]))
+    lower = -min(int(np.min(diagonal, initial=0)) for diagonal, _, _ in entries)
+    upper = max(int(np.max(diagonal, initial=0)) for diagonal, _, _ in entries)
     banded = np.zeros((lower + upper + 1, len(rows)))
-    banded[upper - offset, columns[i, j] - rest] = rows[i, j]
+    for diagonal, column, values in entries:
+        banded[upper - diagonal, column] = values
     try:
         if len(rows):
             c[rest : n - rest] = scipy.linalg.solve_banded((lower, upper), banded, right)

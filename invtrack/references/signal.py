@@ -22,8 +22,11 @@ JUMP_TOLERANCE = 1e-9
 HIGHEST_DERIVATIVE = 1000
 """No derivative of higher order is worked out: long before, most leave the range of floating-point numbers."""
 
-SIZE_SHARES = (-0.5, -0.25, 0.0, 0.25, 0.5)
-"""Where in each piece a derivative's size is looked for, as shares of its length from its middle."""
+SIZE_SHARES = (-0.25, 0.0, 0.25)
+"""Where in each piece a derivative's size is looked for beside its ends, as shares of its length from its middle."""
+
+SIZES_TOGETHER = 4
+"""Sizes of so many derivatives, the value counted, are found at once, as all of them are asked for one after the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,27 +211,65 @@ class PiecewiseSignal:
                 result[chosen] = generator.propagator(direction).outputs(X, w, piece[chosen], tau, resolution=resolution)
         return result
 
+    def sides(self, order: int) -> tuple[Array, Array]:
+        """The derivative of the stated order at each breakpoint, from the left and from the right: (m + 1, p) each."""
+        return self._from_states(self.end_anchors[:-1], self.kind[:-1], order), self._from_states(
+            self.anchors[1:], self.kind[1:], order
+        )
+
+    def _from_states(self, w: Array, kind: Indices, order: int) -> Array:
+        """R S^order w for generators' states w (m, q) of these kinds (m,): (m, p)."""
+        result = np.empty((len(w), self.n_channels))
+        with np.errstate(over="ignore", invalid="ignore"):
+            for index, generator in enumerate(self.generators):
+                chosen = selection(kind == index)
+                if chosen is not None:
+                    result[chosen] = w[chosen, : len(generator.S)] @ generator.derivative(order).T
+        if not np.all(np.isfinite(result)):
+            raise TrajectoryError(
+                f"the derivative of order {order} of this signal is beyond the range of floating-point numbers; ask for a lower "
+                "one, or stretch the motion"
+            )
+        return result
+
     def jumps(self, order: int) -> Array:
         """Jump of the derivative of the stated order at each breakpoint, as a share of that derivative's size: (m + 1, p)."""
-        size = self.size(order)
-        left = self(self.breakpoints, derivative=order, inside=self.inner_times()[:-1])
-        right = self(self.breakpoints, derivative=order, inside=self.inner_times()[1:])
+        size, (left, right) = self.size(order), self.sides(order)
         return np.abs(right - left) / np.where(size > 0, size, 1.0)
 
     def size(self, order: int) -> Array:
         """Largest value of a derivative (p,) over ends of pieces and points within, or what rounding of lower ones leaves."""
         known = self._sizes
         order = whole_number("order", order, highest=HIGHEST_DERIVATIVE)
-        while len(known) <= order:
-            times, spread = self.inner_times(), np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]])
-            times[[0, -1]] = self.breakpoints[[0, -1]]
-            size = np.zeros(self.n_channels)
-            for share in SIZE_SHARES:
-                values = self(times + share * spread, derivative=len(known), inside=self.inner_times())
-                size = np.maximum(size, np.max(np.abs(values), axis=0))
-            lower = known[-1] if known else np.zeros(self.n_channels)
-            known.append(np.maximum(size, 1e-3 * lower / max(self.manoeuvre[1] - self.manoeuvre[0], np.finfo(float).tiny)))
+        if len(known) <= order:
+            try:
+                found = self._largest(range(len(known), max(order + 1, SIZES_TOGETHER)))
+            except TrajectoryError:  # beyond the range of numbers, of a higher order than is asked for, perhaps
+                found = self._largest(range(len(known), order + 1))
+            for size in found:
+                lower = known[-1] if known else np.zeros(self.n_channels)
+                with np.errstate(over="ignore"):  # of a signal with a single breakpoint
+                    left = 1e-3 * lower / max(self.manoeuvre[1] - self.manoeuvre[0], np.finfo(float).tiny)
+                known.append(np.maximum(size, left))
         return known[order]
+
+    def _largest(self, orders: range) -> Array:
+        """Largest values of derivatives (k, p) over ends of pieces and points within; raises as a call does."""
+        found = np.array([np.max(np.abs(self.sides(order)), axis=(0, 1)) for order in orders])
+        inner, spread = self.inner_times()[1:-1], np.diff(self.breakpoints)
+        if len(inner) == 0:
+            return found
+        rows = [np.vstack([generator.derivative(order) for order in orders]) for generator in self.generators]
+        for share in SIZE_SHARES:
+            with np.errstate(over="ignore", invalid="ignore"):
+                values = np.abs(self._values(rows, np.arange(1, len(inner) + 1), inner + share * spread))
+            if not np.all(np.isfinite(values)):
+                raise TrajectoryError(
+                    f"the signal, or a derivative up to order {orders[-1]}, is beyond the range of floating-point numbers "
+                    "between its breakpoints; stretch the motion"
+                )
+            found = np.maximum(found, np.max(values, axis=0).reshape(found.shape))
+        return found
 
     @cached_property
     def _sizes(self) -> list[Array]:
@@ -249,13 +290,15 @@ class PiecewiseSignal:
         """One time inside each piece: (m + 2,)."""
         return _inner_times(self.breakpoints)
 
+    @cached_property
     def end_anchors(self) -> Array:
-        """The generators' states w at the end of each piece; for the last one, which has no end, at its start."""
+        """The generators' states w at each piece's end, of the last one, which has none, at its start; not to be written to."""
         result = self.anchors.copy()
         lengths = np.concatenate([[0.0], np.diff(self.breakpoints), [0.0]])
         for index, generator in enumerate(self.generators):
             chosen, q = self.kind == index, len(generator.S)
             result[chosen, :q] = generator.propagator(1.0).states(self.anchors[chosen, :q], lengths[chosen])
+        result.setflags(write=False)
         return result
 
     def shifted(self, delay: float) -> PiecewiseSignal:

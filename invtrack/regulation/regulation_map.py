@@ -189,7 +189,7 @@ class RegulationMap:
         deviation = comparable.reference(driving, at=T_i).refined(self.breakpoints)
         trajectory = self.pieces.trajectory(self.breakpoints, comparable.states(driving, T_i, self.breakpoints))
         reference = _absolute(self._comparable.reference(x_0, at=T_i).refined(self.breakpoints), self.model.operating_point.y0)
-        problem = PlanningProblem(self.model, reference, deviation, deviation.end_anchors(), self.tolerance, None, None)
+        problem = PlanningProblem(self.model, reference, deviation, deviation.end_anchors, self.tolerance, None, None)
         return problem.plan(self.method, trajectory, exact=None, remarks=self.remarks)
 
     def describe_inadmissible(self) -> str:

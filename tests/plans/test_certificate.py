@@ -72,7 +72,7 @@ def test_an_output_that_the_state_does_not_deliver_is_not_believed(plan: Plan) -
 def test_a_torn_state_shows_as_a_jump(plan: Plan) -> None:
     first, *others = plan.trajectory.groups
     assert isinstance(first, TwoSidedSegments)
-    torn = replace(plan.trajectory, groups=(replace(first, z_f=first.z_f + 1.0), *others))
+    torn = replace(plan.trajectory, groups=(replace(first, start=first.start + np.eye(1, first.start.shape[1])[0]), *others))
     assert check(plan, trajectory=torn).continuity > 1e-2
 
 

@@ -25,7 +25,7 @@ def driven(A_f: float, A_b: float) -> DrivenSystem:
 def two_sided() -> Trajectory:
     """On [0, 1]: z_f(0) = 1, w(0) = 2, z_b(1) = 3; after it 4 e^-6t, before it 7 e^5t."""
     w = np.array([[2.0], [2 * np.exp(3.0)]])
-    segments = TwoSidedSegments(driven(-2.0, 5.0), np.array([[1.0]]), w[:1], np.array([[3.0]]), w[1:])
+    segments = TwoSidedSegments(driven(-2.0, 5.0), np.hstack([[[1.0]], w[:1]]), np.hstack([[[3.0]], w[1:]]))
     one, zero = np.eye(1), np.zeros(1, dtype=np.intp)
     before = replace(STILL, direction=-1, departure=Propagator(-5 * one), X=one, v=np.array([7.0]))
     after = replace(STILL, departure=Propagator(-6 * one), X=one, v=np.array([4.0]))
@@ -59,7 +59,7 @@ def test_polynomials_between_exponential_tails() -> None:
     breakpoints = np.array([0.0, 2.0, 3.0, 3.5])
     polynomials = PolynomialSegments(np.array([[[1.0], [4.0], [12.0]], [[5.0], [-0.5], [0.0]]]), np.array([2.0, 0.5]))
     w = np.array([[2.0]])
-    exponential = TwoSidedSegments(driven(-2.0, 5.0), np.array([[1.0]]), w, np.array([[3.0]]), w * np.exp(3.0))
+    exponential = TwoSidedSegments(driven(-2.0, 5.0), np.hstack([[[1.0]], w]), np.hstack([[[3.0]], w * np.exp(3.0)]))
     trajectory = Trajectory(
         breakpoints, (polynomials, exponential), np.array([0, 1, 0]), np.array([0, 0, 1]), replace(STILL, direction=-1), STILL
     )

@@ -175,7 +175,7 @@ class Transcription:
 
         def segments(number: int, chosen: Indices) -> TwoSidedSegments:
             nothing = np.zeros((len(chosen), 0))
-            return TwoSidedSegments(_ramp(grid.systems[number]), states[chosen], nothing, nothing, nothing)
+            return TwoSidedSegments(_ramp(grid.systems[number]), states[chosen], nothing)
 
         before, after = (replace(tail, v=v) for tail, v in zip(self.tails, (z[:n], z[n : 2 * n]), strict=True))
         return grouped(grid.times, grid.owner, segments, before, after)
