@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from invtrack.arrays import Array
-from invtrack.linear.propagation import Propagator, flow
+from invtrack.linear.propagation import Propagator, flow, forced_states
 from tests.linear.random_plants import rotation
 
 EPS = np.finfo(float).eps
@@ -246,3 +246,17 @@ def test_a_chain_of_integrators_over_times_that_recur_keeps_the_digits_of_its_sm
     M, v = np.diag([1.0, 1.0, 1.0], k=1), np.tile([0.0, 0.0, 0.0, 5.0], (200, 1))
     found = Propagator(M).outputs(np.eye(4)[:1], v, np.arange(200), tau)[:, 0]
     assert found == pytest.approx(5.0 * tau**3 / 6, rel=1e-14, abs=0)
+
+
+@pytest.mark.parametrize("count", [1, 15, 16, 17, 33, 300, 5000])
+def test_pieces_that_follow_one_from_the_other(count: int) -> None:
+    """Against the recurrence itself, with scipy's exponential of each piece."""
+    rng = np.random.default_rng(count)
+    A = rng.normal(size=(3, 3)) - 2 * np.eye(3)
+    added, lengths = rng.normal(size=(count, 3)), rng.choice([0.01, 0.2, 1.0], size=count)
+    known = {length: scipy.linalg.expm(A * length) for length in (0.01, 0.2, 1.0)}
+    expected = np.zeros((count + 1, 3))
+    for j in range(count):
+        expected[j + 1] = known[lengths[j]] @ expected[j] + added[j]
+    found = forced_states(Propagator(A), added, lengths)
+    assert found == pytest.approx(expected, abs=1e-13 * np.max(np.abs(expected)))

@@ -155,3 +155,19 @@ def test_rest_to_rest_halves_join_smoothly() -> None:
     there_and_back = rest_to_rest(0.0, 1.0, 2.0, smoothness=3) + rest_to_rest(0.0, -1.0, 2.0, smoothness=3, start_time=2.0)
     assert there_and_back.smoothness(0, 8) == 4
     assert there_and_back([-1.0, 0.0, 2.0, 4.0, 9.0])[:, 0] == pytest.approx([0, 0, 1, 0, 0], abs=1e-14)
+
+
+def test_both_sides_of_every_breakpoint() -> None:
+    """A ramp, a sinusoid and a constant, that meet with jumps of the value and of the slope, against their closed forms."""
+    ramp, turn = (
+        Generator(np.eye(2, k=1), np.array([[1.0, 0.0]])),
+        Generator(np.array([[0.0, 3.0], [-3.0, 0.0]]), np.array([[1.0, 0.0]])),
+    )
+    anchors = np.array([[2.0, 0.0], [1.0, 0.5], [0.0, 1.0], [4.0, 0.0]])
+    signal = PiecewiseSignal(np.array([0.0, 2.0, 2.5]), (ramp, turn), np.array([0, 0, 1, 0]), anchors)
+    left, right = signal.sides(0)
+    assert left[:, 0] == pytest.approx([2.0, 2.0, np.sin(1.5)])
+    assert right[:, 0] == pytest.approx([1.0, 0.0, 4.0])
+    left, right = signal.sides(1)
+    assert left[:, 0] == pytest.approx([0.0, 0.5, 3 * np.cos(1.5)])
+    assert right[:, 0] == pytest.approx([0.5, 3.0, 0.0])
