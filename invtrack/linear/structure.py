@@ -220,15 +220,23 @@ def _settle(rows: list[_Row], done: list[int]) -> bool:
 
 
 def _explained(row: _Row, others: Sequence[_Row], input_unit: Array) -> tuple[Array, float]:
-    """Multiples (k,) of the others' gains that come nearest to the row's, and the share of these left, 0 where it is rounding."""
+    """Multiples (k,) of the others' gains that come nearest to the row's, and the share of these left, 0 where it is rounding.
+
+    Nearest with each gain counted by how well it is known: along a long chain rounding can hide one gain while another still
+    stands out, and a zero in place of the hidden one would make gains independent that are not.
+    """
     gains, size = row.d * input_unit, float(np.linalg.norm(row.d * input_unit))
     if size == 0 or not others:
         return np.zeros(len(others)), float(size > 0)
     basis = np.array([other.d * input_unit for other in others])
-    sizes = np.linalg.norm(basis, axis=1)
-    multiples = np.linalg.lstsq((basis / sizes[:, None]).T, gains, rcond=None)[0]
-    multiples = np.where(np.abs(multiples) <= NO_MULTIPLE * size, 0.0, multiples) / sizes
-    rest = row.without(multiples, others)
+    known = np.ones(len(gains))
+    for _ in range(2):  # what the others' gains are known by counts as often as they are taken
+        weighted = basis * known
+        sizes = as_divisor(np.linalg.norm(weighted, axis=1))
+        multiples = np.linalg.lstsq((weighted / sizes[:, None]).T, gains * known, rcond=None)[0] / sizes
+        multiples = np.where(np.abs(multiples) * np.linalg.norm(basis, axis=1) <= NO_MULTIPLE * size, 0.0, multiples)
+        rest = row.without(multiples, others)
+        known = 1 / np.maximum(rest.d_tolerance * input_unit / size, ROW_TOLERANCE)
     share = float(np.linalg.norm(rest.d * input_unit)) / size
     return multiples, 0.0 if np.all(np.abs(rest.d) <= rest.d_tolerance) else share
 

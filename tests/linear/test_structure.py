@@ -175,3 +175,15 @@ def test_gains_within_the_models_error_count_as_dependent() -> None:
     assert relative_degree(plant) == (1, 1)
     with pytest.raises(RelativeDegreeError):
         normal_form(StateSpace(plant.A, plant.B, plant.C, error_estimates={"B": 1e-6}))
+
+
+@pytest.mark.parametrize("seed", [4, 12, 13])
+def test_dependent_inputs_are_named_where_rounding_outgrows_what_a_long_chain_passes_on(seed: int) -> None:
+    """60 states without structure, the last input a combination of the others: its terms outgrow each output's derivatives within
+    twenty of them, one gain after the other, and none of what is left may pass for an independent one."""
+    rng = np.random.default_rng(seed)
+    A, B = rng.normal(size=(60, 60)) / np.sqrt(60), rng.normal(size=(60, 3))
+    B[:, 2] = B[:, :2] @ rng.normal(size=2)
+    plant = StateSpace(A, B * [1.0, 1e3, 1e-3], rng.normal(size=(3, 60)))
+    with pytest.raises(RelativeDegreeError, match="the inputs are not independent"):
+        normal_form(plant)
