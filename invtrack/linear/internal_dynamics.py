@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from invtrack.arrays import Array, ComplexArray, as_divisor, complex_numbers, finite_number
 from invtrack.errors import ModelError, NonHyperbolicError
 from invtrack.linear.hidden_modes import COUPLING_TOLERANCE, ERROR_GROWTH, zero_kinds
+from invtrack.linear.internal_pencil import InternalPencil, internal_pencil
 from invtrack.linear.invariant_parts import invariant_parts
 from invtrack.linear.normal_form import NormalForm, normal_form
 from invtrack.linear.propagation import Propagator
@@ -50,6 +51,7 @@ class InternalDynamics:
         unmoved: orthonormal basis (n_z, h) of what they do not move; all of it for as many inputs as outputs.
         zeros: eigenvalues of A_eta in it, the plant's invariant zeros (h,) [rad/s].
         uncertainty: how large a perturbation of A_eta rounding, and the error of a model found numerically, may amount to.
+        pencil: the same dynamics where they are far faster than the plant.
     """
 
     form: NormalForm
@@ -60,6 +62,7 @@ class InternalDynamics:
     unmoved: Array
     zeros: ComplexArray
     uncertainty: float
+    pencil: InternalPencil | None = None
 
     @property
     def unmoved_part(self) -> Array:
@@ -140,6 +143,7 @@ def internal_dynamics(system: StateSpace, R: Array | None = None) -> InternalDyn
         unmoved=unmoved,
         zeros=np.sort_complex(np.linalg.eigvals(unmoved.T @ A_eta @ unmoved).astype(complex)),
         uncertainty=uncertainty if A_eta.size else 0.0,
+        pencil=internal_pencil(system, form, A_eta),
     )
 
 
@@ -179,14 +183,18 @@ def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics
 
 def split_by(internal: InternalDynamics, stable: Callable[[complex], bool]) -> SplitDynamics:
     """Internal dynamics split into the part with the zeros for which `stable` holds and the rest; the two sets must not meet."""
-    parts = invariant_parts(internal.A_eta, stable)
-    drive = np.hstack([internal.A_zeta, internal.B_r])
+    if internal.pencil is None:
+        parts = invariant_parts(internal.A_eta, stable)
+        drive = np.hstack([internal.A_zeta, internal.B_r])
+        G_s, G_u = parts.L_1 @ drive, parts.L_2 @ drive
+    else:
+        parts, G_s, G_u = internal.pencil.parts(stable)
     return SplitDynamics(
         internal=internal,
         A_s=parts.A_1,
         A_u=parts.A_2,
-        G_s=parts.L_1 @ drive,
-        G_u=parts.L_2 @ drive,
+        G_s=G_s,
+        G_u=G_u,
         W_s=parts.W_1,
         W_u=parts.W_2,
         L_s=parts.L_1,

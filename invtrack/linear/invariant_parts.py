@@ -32,6 +32,12 @@ def invariant_parts(A: Array, first: Callable[[complex], bool]) -> InvariantPart
     schur, Q, n_1 = np.zeros((0, 0)), np.eye(0), 0
     if n:
         schur, Q, n_1 = scipy.linalg.schur(A, output="real", sort=lambda re, im: first(complex(re, im)))
+    return separated(schur, Q, n_1)
+
+
+def separated(schur: Array, Q: Array, n_1: int) -> InvariantParts:
+    """Parts of Q schur Q' (n, n), in real Schur form with the eigenvalues of the first part first (n_1)."""
+    n = len(schur)
     A_1, A_2 = schur[:n_1, :n_1], schur[n_1:, n_1:]
     coupling = np.zeros((n_1, n - n_1))
     if 0 < n_1 < n:
