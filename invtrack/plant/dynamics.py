@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, cached_property, lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -23,11 +22,10 @@ from invtrack.plant.configuration import configuration_of, state_of, tangent_uni
 from invtrack.plant.linearizable import refuse_constraints, refuse_step_maps
 from invtrack.plant.linearize import linearize
 from invtrack.plant.plant import Plant
-from invtrack.plant.readings import Attitude, Distance, Entry, Reading, RotationVector
 from invtrack.plant.smooth_model import smooth_model
 
 if TYPE_CHECKING:
-    from invtrack.plant.compiled import Machine
+    from invtrack.plant.native.motions import Machine
 
 STEP = 2.0**-17
 """Perturbation of states and inputs in central differences, in radians, metres (of small mechanisms: extents) and their rates."""
@@ -86,22 +84,16 @@ class PlantDynamics:
         return tuple(self.plant.new_data(self._model) for _ in range(os.cpu_count() or 1))
 
     @cached_property
-    def _outputs(self) -> _Outputs:
-        return _Outputs(self.plant.output_readings.readings, self._model)
+    def _periods(self) -> Array:
+        """Of outputs that are angles known up to whole turns, 0 for others (p,)."""
+        return np.array([reading.period for reading in self.plant.output_readings.readings])
 
     @cached_property
     def _machines(self) -> tuple[Machine, ...]:
-        return tuple(
-            _loops().machine(
-                self._model,
-                data,
-                inputs=self.plant.input_addresses,
-                rotations=self._rotations,
-                readings=self._outputs.addresses(data),
-                sensors=self._outputs.sensors,
-            )
-            for data in self._data
-        )
+        from invtrack.plant.native.motions import Machine  # compiles
+
+        addresses, outputs = self.plant.input_addresses, self.plant.output_readings.readings
+        return tuple(Machine(self._model, data, addresses, self._rotations, outputs) for data in self._data)
 
     @cached_property
     def _pool(self) -> ThreadPoolExecutor:
@@ -137,24 +129,25 @@ class PlantDynamics:
         """
         nodes = np.full((len(points), (len(basis) + 1) // 2, points.shape[1]), np.nan)
         given = [np.ascontiguousarray(array, dtype=float) for array in (points, coefficients, lengths)]
+        values = np.ascontiguousarray(basis, dtype=float)
 
         def work(own: Machine, part: slice) -> None:
-            _loops().integrate(own, given[0][part], given[1][part], np.ascontiguousarray(basis), given[2][part], nodes[part])
+            own.integrate(given[0][part], given[1][part], values, given[2][part], nodes[part])
 
         self._shared(work, len(points))
         return nodes
 
     def evaluate(self, points: Array, inputs: Array) -> tuple[Array, Array]:
         """Rates (k, n) and outputs (k, p); see `Dynamics.evaluate`."""
-        points, inputs = np.ascontiguousarray(points), np.ascontiguousarray(inputs)
-        nq, nv = self._model.nq, self._model.nv
-        accelerations, raw = np.full((len(points), self.size - nv), np.nan), np.full((len(points), self._outputs.count), np.nan)
+        points, inputs = np.ascontiguousarray(points, dtype=float), np.ascontiguousarray(inputs, dtype=float)
+        nq, nv, p = self._model.nq, self._model.nv, len(self.plant.outputs)
+        accelerations, outputs = np.full((len(points), self.size - nv), np.nan), np.full((len(points), p), np.nan)
 
         def work(own: Machine, part: slice) -> None:
-            _loops().evaluate(own, points[part], inputs[part], accelerations[part], raw[part])
+            own.evaluate(points[part], inputs[part], accelerations[part], outputs[part])
 
         self._shared(work, len(points))
-        return np.hstack([points[:, nq : nq + nv], accelerations]), self._outputs.values(raw)
+        return np.hstack([points[:, nq : nq + nv], accelerations]), outputs
 
     def derivatives(self, points: Array, inputs: Array) -> Derivatives:
         """Rates, outputs and their derivatives, by central differences; see `Dynamics.derivatives`."""
@@ -166,7 +159,7 @@ class PlantDynamics:
             w = rates[:, first : first + 3]
             for i, j, axis, sign in ((0, 1, 2, 1), (0, 2, 1, -1), (1, 0, 2, -1), (1, 2, 0, 1), (2, 0, 1, 1), (2, 1, 0, -1)):
                 A[:, first + i, first + j] = sign * w[:, axis]  # -w x d
-        block = max(1, IN_MEMORY // (2 * (n + m) * (n - nv + self._outputs.count)))
+        block = max(1, IN_MEMORY // (2 * (n + m) * (n - nv + p)))
         for start in range(0, k, block):
             part = slice(start, min(start + block, k))
             acceleration, output = self._differences(points[part], inputs[part])
@@ -176,15 +169,15 @@ class PlantDynamics:
 
     def _differences(self, points: Array, inputs: Array) -> tuple[Array, Array]:
         """Derivatives (k, nv + na, n + m) of accelerations and (k, p, n + m) of outputs."""
-        points, inputs, steps = np.ascontiguousarray(points), np.ascontiguousarray(inputs), self._steps
+        points, inputs = np.ascontiguousarray(points, dtype=float), np.ascontiguousarray(inputs, dtype=float)
+        steps, p = self._steps, len(self.plant.outputs)
         shape = (len(points), len(steps), 2)
-        accelerations, raw = (np.full((*shape, count), np.nan) for count in (self.size - self._model.nv, self._outputs.count))
+        accelerations, outputs = (np.full((*shape, count), np.nan) for count in (self.size - self._model.nv, p))
 
         def work(own: Machine, part: slice) -> None:
-            _loops().perturbed(own, points[part], inputs[part], steps, accelerations[part], raw[part])
+            own.perturbed(points[part], inputs[part], steps, accelerations[part], outputs[part])
 
         self._shared(work, len(points))
-        outputs = self._outputs.values(raw.reshape(-1, self._outputs.count)).reshape(*shape, -1)
         change = self.output_difference(outputs[:, :, 0], outputs[:, :, 1])
         slopes = (accelerations[:, :, 0] - accelerations[:, :, 1]) / (2 * steps[:, None]), change / (2 * steps[:, None])
         return slopes[0].transpose(0, 2, 1), slopes[1].transpose(0, 2, 1)
@@ -212,7 +205,7 @@ class PlantDynamics:
 
     def output_difference(self, outputs: Array, wanted: Array) -> Array:
         """outputs - wanted (..., p), angles that are known up to whole turns by the shorter way round."""
-        away, period = np.asarray(outputs - wanted), self._outputs.periods
+        away, period = np.asarray(outputs - wanted), self._periods
         turning = period > 0
         away[..., turning] -= period[turning] * np.round(away[..., turning] / period[turning])
         return away
@@ -344,12 +337,6 @@ class PlantMechanism:
         return state_of(model, np.concatenate(reference), *at)[plant.state_addresses]
 
 
-@cache
-def _loops() -> Any:
-    """The compiled loops, loaded where they are first used: numba takes as long to load as MuJoCo."""
-    return importlib.import_module("invtrack.plant.compiled")
-
-
 @mechanism.register
 def _(model: Plant) -> Mechanism:
     return PlantMechanism(model)
@@ -360,51 +347,6 @@ def rotations(model: mujoco.MjModel) -> list[int]:
     places = {int(mujoco.mjtJoint.mjJNT_BALL): 0, int(mujoco.mjtJoint.mjJNT_FREE): 3}
     joints = zip(model.jnt_type.tolist(), model.jnt_dofadr.tolist(), strict=True)
     return [first + places[kind] for kind, first in joints if kind in places]
-
-
-class _Outputs:
-    """What outputs read from MuJoCo's data, gathered as numbers, and made into their values later."""
-
-    def __init__(self, readings: tuple[Reading, ...], model: mujoco.MjModel) -> None:
-        self._readings, self._plain = readings, all(isinstance(reading, Entry) for reading in readings)
-        self._entries = [entry for reading in readings for entry in _entries(reading)]
-        self._shapes = {name: getattr(mujoco.MjData(model), name).shape for name, _ in self._entries}
-        self.count, self.sensors = len(self._entries), any(name == "sensordata" for name, _ in self._entries)
-        self.periods = np.array([reading.period for reading in readings])
-
-    def addresses(self, data: mujoco.MjData) -> list[int]:
-        """Where the numbers stand in memory."""
-        found = []
-        for name, index in self._entries:
-            array = getattr(data, name)
-            flat = int(np.ravel_multi_index(index, array.shape))
-            found.append(int(array.ctypes.data) + array.itemsize * flat)
-        return found
-
-    def values(self, raw: Array) -> Array:
-        """The outputs (k, p) that the gathered numbers (k, r) make."""
-        if self._plain:
-            return raw.copy()
-        live: Any = SimpleNamespace(**{name: np.zeros(shape) for name, shape in self._shapes.items()})
-        result = np.empty((len(raw), len(self._readings)))
-        for row, numbers in zip(result, raw, strict=True):
-            for (name, index), number in zip(self._entries, numbers.tolist(), strict=True):
-                getattr(live, name)[index] = number
-            row[:] = [reading.value(live) for reading in self._readings]
-        return result
-
-
-def _entries(reading: Reading) -> list[tuple[str, tuple[int, ...]]]:
-    """The numbers that a reading is made of: arrays of MuJoCo's data and places in them."""
-    if isinstance(reading, Entry):
-        return [(reading.array, reading.index if isinstance(reading.index, tuple) else (reading.index,))]
-    if isinstance(reading, Attitude):
-        return [(reading.array, (reading.index, i)) for i in range(9)]
-    if isinstance(reading, RotationVector):
-        return [("qpos", (reading.address + i,)) for i in range(4)]
-    if isinstance(reading, Distance):
-        return [("site_xpos", (site, i)) for site in (reading.first, reading.second) for i in range(3)]
-    raise AssertionError(f"a reading of kind {type(reading).__name__} has no entries")
 
 
 @lru_cache

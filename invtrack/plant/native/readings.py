@@ -35,11 +35,16 @@ def value_of(reading: Any) -> float:
         call(reading.turn, (address_in(vector), reading.first, reading.second))
         return vector[reading.component]  # type: ignore[no-any-return]
     now, reference = floats(reading.first, 9), floats(reading.second, 9)
-    if reading.kind == _YAW:
-        return math.atan2(_turned(reference, now, 1, 0), _turned(reference, now, 0, 0))
+    # Indices are variables: `_turned` is compiled once, not for each pair of constants.
+    row, column, beside, there = 1, 0, 0, 0
     if reading.kind == _ROLL:
-        return math.atan2(_turned(reference, now, 2, 1), _turned(reference, now, 2, 2))
-    return math.atan2(-_turned(reference, now, 2, 0), math.hypot(_turned(reference, now, 0, 0), _turned(reference, now, 1, 0)))
+        row, column, beside, there = 2, 1, 2, 2
+    elif reading.kind == _PITCH:
+        row = 2
+    sine, cosine = _turned(reference, now, row, column), _turned(reference, now, beside, there)
+    if reading.kind == _PITCH:
+        return math.atan2(-sine, math.hypot(cosine, _turned(reference, now, row - 1, column)))
+    return math.atan2(sine, cosine)
 
 
 @compiled
