@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-from hover.aircraft import ATTITUDES, INPUTS, OUTPUTS, channel
+from hover.aircraft import ATTITUDES, INPUTS, NONLINEAR, OUTPUTS, channel
 
 import invtrack
 from invtrack.figures import Line, overlay_figure
@@ -19,6 +19,7 @@ SAMPLES = 8001
 BEFORE, AFTER = 8.0, 10.0  # [s] shown around the manoeuvre
 LONG_BEFORE = 60.0  # [s] shown where the preactuation is the subject
 FAINTEST = 1e-6  # |u| below this is not drawn on the logarithmic axis
+SMALLEST = 1e-12  # errors below this are drawn at it
 UNITS = {"U": "m/s", "W": "m/s", "V": "m/s", "R": "rad/s"}
 MOTIONS = {"U": "forward", "W": "downward", "V": "lateral", "R": "yaw rate"}
 
@@ -49,6 +50,19 @@ def papers_figures(plans: Plans) -> dict[str, Callable[[Session], Figure]]:
         "figure_8_attitudes": lambda done: _figure("pitch and roll", _attitudes(plans, runs(done)), near),
         "figure_9_preactuation": lambda done: _figure("preactuation in the feedforward", _magnitudes(plans), long),
     }
+
+
+def errors_in_mujoco(done: Session) -> Figure:
+    """The size of each output's error in MuJoCo, of the exact plans for the linear model and for the rigid body."""
+    runs = {run.name: run for run in done.among(("exact", NONLINEAR))}
+    panels: Panels = []
+    for column, name in enumerate(OUTPUTS):
+        sizes = {case: np.maximum(np.abs(run.error[:, column]), SMALLEST) for case, run in runs.items()}
+        panels.append(
+            (f"log10 of |error of {name}| [{UNITS[name]}]", {case: (runs[case].time, np.log10(e)) for case, e in sizes.items()})
+        )
+    T_i, T_f = next(iter(runs.values())).manoeuvre
+    return _figure("errors in MuJoCo", panels, (T_i - BEFORE, T_f + AFTER))
 
 
 def _figure(subject: str, panels: Panels, window: tuple[float, float]) -> Figure:

@@ -46,7 +46,7 @@ def follow(problem: Callable[[float], Shooting | None], first: Motion, tolerance
     Args:
         problem: from an amplitude between 0 and 1 to its conditions, None where its end has no equilibrium.
         first: a motion to start from, that for amplitude 0.
-        tolerance: of the last Newton step, as a share of peaks.
+        tolerance: of what is left after the last Newton step, as a share of peaks.
         progress: called with the amplitude that has been found.
     """
     whole = problem(1.0)

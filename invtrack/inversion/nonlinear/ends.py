@@ -29,6 +29,7 @@ class End:
         rest: the equilibrium.
         M: in balanced coordinates (n, n).
         scale: of these, x = scale * (balanced x) (n,).
+        inputs: coefficients of the inputs on an element that keep the outputs, from x at its start (s m, n).
         zeros: invariant zeros of the linear model there [rad/s].
         gap: smallest |log |lambda|| of the multipliers that stand for no zero which the elements resolve.
     """
@@ -36,15 +37,16 @@ class End:
     rest: Rest
     M: Array
     scale: Array
+    inputs: Array
     zeros: ComplexArray
     gap: float
 
     @classmethod
     def of(cls, dynamics: Dynamics, rest: Rest, scheme: Scheme, length: float, zeros: ComplexArray) -> End:
         """The end at an equilibrium, for elements of that length [s]. Raises LinAlgError where the input acts on no output."""
-        exact = map_at_rest(dynamics, rest.point, rest.inputs, scheme, length).exact[0]
-        M, (scale, _) = scipy.linalg.matrix_balance(exact, permute=False, separate=True)
-        return cls(rest, M, scale, zeros, _gap(np.linalg.eigvals(M), zeros * length))
+        maps = map_at_rest(dynamics, rest.point, rest.inputs, scheme, length)
+        M, (scale, _) = scipy.linalg.matrix_balance(maps.exact[0], permute=False, separate=True)
+        return cls(rest, M, scale, -maps.inverse[0][0], zeros, _gap(np.linalg.eigvals(M), zeros * length))
 
     @property
     def expanding(self) -> int:
@@ -59,14 +61,37 @@ class End:
         """Rows R (n_u, n): R (x - rest) = 0 for a motion that comes to rest."""
         return self._rows(expanding=True)
 
+    def leaving(self, away: Array, count: int) -> Array:
+        """The last `count` states (count, n), measured from rest, of a motion on its way from rest to `away` (n,)."""
+        Q, T = _invariant(self.M, expanding=True)
+        z, found = Q.T @ (away / self.scale), np.empty((count, len(away)))
+        for k in range(count - 1, -1, -1):
+            z = scipy.linalg.solve(T, z) if len(z) else z
+            found[k] = self.scale * (Q @ z)
+        return found
+
+    def returning(self, away: Array, count: int) -> Array:
+        """The next `count` states (count, n), measured from rest, of a motion on its way to rest from `away` (n,)."""
+        Q, T = _invariant(self.M, expanding=False)
+        z, found = Q.T @ (away / self.scale), np.empty((count, len(away)))
+        for k in range(count):
+            z = T @ z
+            found[k] = self.scale * (Q @ z)
+        return found
+
     def _rows(self, *, expanding: bool) -> Array:
         """A basis of the left-invariant subspace of the multipliers outside the unit circle, or of the others."""
+        return np.asarray(_invariant(self.M.T, expanding=expanding)[0].T / self.scale)
 
-        def chosen(re: float, im: float) -> bool:
-            return bool((np.hypot(re, im) > 1 + NEUTRAL) == expanding)
 
-        _, Z, count = scipy.linalg.schur(self.M.T, sort=chosen)
-        return np.asarray(Z[:, :count].T / self.scale)
+def _invariant(M: Array, *, expanding: bool) -> tuple[Array, Array]:
+    """Q with M Q = Q T, and T, for the multipliers of M outside the unit circle or for the others."""
+
+    def chosen(re: float, im: float) -> bool:
+        return bool((np.hypot(re, im) > 1 + NEUTRAL) == expanding)
+
+    T, Q, count = scipy.linalg.schur(M, sort=chosen)
+    return Q[:, :count], T[:count, :count]
 
 
 def zeros_at(dynamics: Dynamics, rest: Rest) -> ComplexArray:

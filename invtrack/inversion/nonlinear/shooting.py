@@ -27,6 +27,9 @@ ROUNDING = 1e-7
 
 Newton's method falls from here to rounding in one step; where it does not, rounding is all there is."""
 
+CONVERGING = 0.1
+"""Where a step is below this share of the one before it, the method converges at least that fast from there."""
+
 FLOOR = 1e-6
 """A state counts as no smaller than this share of the largest, in balanced units."""
 
@@ -148,7 +151,13 @@ class Shooting:
         return Motion(points, motion.coefficients + coefficients.reshape(motion.coefficients.shape))
 
     def solve(self, motion: Motion, amplitude: float, tolerance: float) -> tuple[Motion | None, list[Iteration]]:
-        """Newton's method from a motion, until a step is below the tolerance, and its log; None where it does not get there."""
+        """Newton's method from a motion, and its log, until what is left is below the tolerance; None where it does not get there.
+
+        Args:
+            motion: to start from.
+            amplitude: share of the motion, for the log.
+            tolerance: of what is left after a step; see `remaining`.
+        """
         log: list[Iteration] = []
         growing, last = 0, np.inf
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -169,7 +178,7 @@ class Shooting:
                 log.append(Iteration(amplitude, defect, missed, step, len(self.mesh)))
                 if not np.isfinite(step):
                     return None, log
-                if step <= tolerance or (last <= ROUNDING and step > last / 4):
+                if remaining(log) <= tolerance or (last <= ROUNDING and step > last / 4):
                     return motion, log
                 growing = growing + 1 if step > last else 0
                 last = step
@@ -194,6 +203,17 @@ class Shooting:
         for chosen, values in parts:
             result[chosen] = values
         return result
+
+
+def remaining(log: Sequence[Iteration]) -> float:
+    """What is left to find after the steps on one mesh, as a share of peaks.
+
+    That is |d| q / (1 - q) for the last step d and its ratio q to the one before it, as of a geometric series; what follows is
+    smaller where the method converges faster.
+    """
+    step = log[-1].step
+    ratio = step / log[-2].step if len(log) > 1 else 1.0
+    return step * ratio / (1 - ratio) if ratio < CONVERGING else step
 
 
 _MAPS = ("end_x", "end_c", "out_x", "out_c")

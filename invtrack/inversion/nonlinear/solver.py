@@ -18,8 +18,9 @@ from invtrack.inversion.nonlinear.mesh import EVEN, Mesh
 from invtrack.inversion.nonlinear.problem import MotionProblem
 from invtrack.inversion.nonlinear.refinement import MARGIN, DenseError, carried_over, dense_error, parts_for, steps_for, wanted_at
 from invtrack.inversion.nonlinear.rest import rest_with
-from invtrack.inversion.nonlinear.shooting import Iteration, Motion, Shooting, at_rest
+from invtrack.inversion.nonlinear.shooting import Iteration, Motion, Shooting, at_rest, remaining
 from invtrack.inversion.nonlinear.tails import tail_error, tails_of
+from invtrack.plans.dynamics import Dynamics
 
 COUNT = 4
 """Coefficients of each input on an element."""
@@ -39,6 +40,9 @@ FIRST_SHARE = 0.03
 LAST_SHARE = 0.5
 """It is extended to where linear tails meet the accuracy, at most until the share left is this times the accuracy's square root:
 tails are off by the square of what is left."""
+
+ROUGHLY = 1e-2
+"""Of a motion that is to show how long the window must be, so much may be left to find."""
 
 MOST_ELEMENTS = 20_000
 """Elements that are planned, at most."""
@@ -122,7 +126,7 @@ class MotionSolver:
 
     @property
     def _newton_tolerance(self) -> float:
-        return min(1e-8, 1e-2 * self.accuracy)
+        return min(1e-8, 0.1 * self.accuracy)
 
     def _length(self) -> float:
         """Of the elements before refinement [s]."""
@@ -140,16 +144,19 @@ class MotionSolver:
         for end, limit in enumerate(self.limits):
             most[end] = most[end] if limit is None else max(LAYER * length, min(most[end], limit))
         windows = np.minimum(most, np.maximum(LAYER * length, -np.log(FIRST_SHARE) / slowest))
-        solution = self._followed(choice.scheme, self._mesh(windows, length))
+        solution = self._followed(choice.scheme, self._mesh(windows, length), ROUGHLY)
         log = solution.log
         while True:
             errors = self._tail_errors(solution)
             wanting = (errors > self.accuracy) & (windows < most)
             if not np.any(wanting):
+                if remaining(solution.log) > self._newton_tolerance:
+                    solution = self._followed(choice.scheme, solution.shooting.mesh, self._newton_tolerance, solution)
+                    log += solution.log
                 return replace(solution, log=log)
             longer = np.log(np.maximum(errors, self.accuracy) / (MARGIN * self.accuracy)) / (2 * slowest)
             windows = np.where(wanting, np.minimum(most, windows + np.maximum(longer, length)), windows)
-            solution = self._followed(choice.scheme, self._mesh(windows, length), solution)
+            solution = self._followed(choice.scheme, self._mesh(windows, length), ROUGHLY, solution)
             log += solution.log
 
     def _mesh(self, windows: Array, length: float) -> Mesh:
@@ -205,17 +212,23 @@ class MotionSolver:
         matched = np.stack([wanted[:, scheme.points[i] - 1, i] for i in range(wanted.shape[2])], axis=1)
         return Shooting(problem.dynamics, mesh, scheme, matched, problem.motion_size, ends)
 
-    def _followed(self, scheme: Scheme, mesh: Mesh, inner: Solution | None = None) -> Solution:
-        """The motion on a mesh, from one on a part of it if that is known, else from rest. Raises PlanError."""
+    def _followed(self, scheme: Scheme, mesh: Mesh, tolerance: float, inner: Solution | None = None) -> Solution:
+        """The motion on a mesh, from one on a part of it if that is known, else from rest. Raises PlanError.
+
+        Args:
+            scheme, mesh: the elements.
+            tolerance: of what is left after the last Newton step, as a share of peaks.
+            inner: the motion on a part of the mesh.
+        """
         whole = self._conditions(scheme, mesh, 1.0)
         if whole is None:
             raise PlanError("elements of unlike lengths at the ends have unlike numbers of expanding multipliers; plan with a hold")
         if inner is not None:
-            motion, log = whole.solve(_padded(inner, whole), 1.0, self._newton_tolerance)
+            motion, log = whole.solve(_padded(inner, whole), 1.0, tolerance)
             if motion is not None:
                 return Solution(whole, motion, tuple(log))
         first = at_rest(whole.ends[0], mesh, scheme)
-        found = follow(lambda amplitude: self._conditions(scheme, mesh, amplitude), first, self._newton_tolerance, self.progress)
+        found = follow(lambda amplitude: self._conditions(scheme, mesh, amplitude), first, tolerance, self.progress)
         if found.motion is not None:
             require_hold_of_outputs(found.shooting, found.motion, self.problem.relative_degree, found.amplitude)
         if found.motion is None or found.amplitude < 1.0:
@@ -236,12 +249,29 @@ class MotionSolver:
 
 
 def _padded(inner: Solution, whole: Shooting) -> Motion:
-    """A motion on a mesh that has more elements at its ends, in which it is at rest."""
+    """A motion on a mesh that has more elements at its ends, over which it leaves and returns as a small motion about rest does."""
     before = int(np.argmin(np.abs(whole.mesh.edges - inner.shooting.mesh.edges[0])))
     after = len(whole.mesh) - len(inner.shooting.mesh) - before
     points, coefficients = inner.motion.points, inner.motion.coefficients
-    resting = [np.zeros((count, *coefficients.shape[1:])) for count in (before, after)]
-    for rows, end in zip(resting, whole.ends, strict=True):
-        rows[:, 0] = end.rest.inputs
-    first, last = (np.repeat(end.rest.point[None], count, axis=0) for end, count in zip(whole.ends, (before, after), strict=True))
-    return Motion(np.vstack([first, points, last]), np.concatenate([resting[0], coefficients, resting[1]]))
+    (start, end), dynamics = whole.ends, whole.dynamics
+    first = start.leaving(dynamics[0].difference(points[:1], start.rest.point[None])[0], before)
+    away = dynamics[-1].difference(points[-1:], end.rest.point[None])
+    last = end.returning(away[0], after)
+    return Motion(
+        np.vstack([_about(start, first, dynamics[0]), points, _about(end, last, dynamics[-1])]),
+        np.concatenate(
+            [_held(start, first, coefficients), coefficients, _held(end, np.vstack([away, last])[:after], coefficients)]
+        ),
+    )
+
+
+def _about(end: End, away: Array, dynamics: Dynamics) -> Array:
+    """The points at tangents (k, n) from rest (k, .)."""
+    return dynamics.retract(np.repeat(end.rest.point[None], len(away), axis=0), away)
+
+
+def _held(end: End, away: Array, like: Array) -> Array:
+    """Coefficients (k, s, m) of the inputs on elements that start at tangents (k, n) from rest, in the form of others'."""
+    coefficients = (away @ end.inputs.T).reshape(len(away), *like.shape[1:])
+    coefficients[:, 0] += end.rest.inputs
+    return np.asarray(coefficients)

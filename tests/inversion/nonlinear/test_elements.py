@@ -37,6 +37,18 @@ def test_slow_zeros_show_as_their_exponentials(count: int) -> None:
         assert np.min(np.abs(found - np.exp(zero * length))) < 1e-4 * length
 
 
+def test_small_motions_leave_rest_and_return_along_the_slow_zeros() -> None:
+    """With the cart held a pole falls away, and comes back to rest, as exp(z t) at the rates of its two zeros."""
+    plant, length, count = cart_pole(), 0.02, 5
+    dynamics, rest = at_rest(plant)
+    zeros = invtrack.linear.zeros(invtrack.linearize(plant))
+    end = End.of(dynamics, rest, Scheme(4, (False,)), length, zeros)
+    steps = np.arange(1, count + 1)
+    for states, zero, order in ((end.leaving, np.max(zeros.real), -steps[::-1]), (end.returning, np.min(zeros.real), steps)):
+        falling = np.array([0.0, 1.0, 0.0, zero])  # cart, pole and their rates
+        np.testing.assert_allclose(states(falling, count), np.outer(np.exp(zero * length * order), falling), atol=1e-5)
+
+
 def test_sampling_zeros_of_a_double_integrator() -> None:
     """Of two matched points, symmetric inside: r = 2 has one mode that decays and one that grows, by 12.6 per element."""
     sizes = np.sort(np.abs(multipliers(cart_pole(), Scheme(2, (False,)), 0.02)))

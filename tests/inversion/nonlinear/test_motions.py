@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -50,6 +52,16 @@ CASES = {
     ),
     "flexible link, payloads": (link, invtrack.rest_to_rest(0.0, np.pi / 2, duration=1.0), PAYLOADS, 2e-4),
 }
+
+
+@pytest.mark.parametrize("case", ["cart-pole, 3 m", "cart-pole, 10 m", "flexible joint, raised", "pvtol, 3 m"])
+def test_few_steps_of_newton_find_the_motion(case: str) -> None:
+    """From rest, longer windows and finer meshes included: what is added starts from what small motions about rest do."""
+    make, reference, schedule, _ = CASES[case]
+    steps = invtrack.invert(make(), reference, schedule=schedule).iterations  # type: ignore[attr-defined]
+    assert len(steps) <= 6
+    longer = [step for before, step in pairwise(steps) if step.elements != before.elements]
+    assert all(step.step < 1e-3 for step in longer)
 
 
 @pytest.mark.parametrize("case", CASES)
