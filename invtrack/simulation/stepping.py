@@ -19,7 +19,7 @@ from invtrack.simulation.simulated_plant import SensorChain, SimulatedPlant, Ste
 
 Progress = Callable[[float], object]
 
-CHUNK = 2048
+CHUNK = 8192
 """Steps between two looks for divergence (and two reports of progress)."""
 
 LARGEST = 1e10

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 
 SECONDS_BETWEEN_PARTS = 1.0
 """Rows that come within this time of each other share a part file; a killed sweep computes no more than these again."""
+
+SWITCHES = 1e-4
+"""How long a thread may hold the interpreter while others wait [s]; Python's own default is fifty times as long."""
 
 IN_FLIGHT = 256
 """Points that an executor has at once: more than a cluster has workers, few enough to be taken back soon."""
@@ -197,8 +201,14 @@ def _executor(given: Executor | None, workers: int) -> Iterator[Executor]:
     if given is not None:
         yield given
         return
-    with ThreadPoolExecutor(workers, thread_name_prefix="sweep") as pool:
-        yield pool
+    before = sys.getswitchinterval()
+    # A run comes back from compiled code many times; each time it would wait for the interpreter as long as another may hold it.
+    sys.setswitchinterval(min(before, SWITCHES))
+    try:
+        with ThreadPoolExecutor(workers, thread_name_prefix="sweep") as pool:
+            yield pool
+    finally:
+        sys.setswitchinterval(before)
 
 
 @contextmanager
