@@ -14,6 +14,9 @@ from invtrack.control.protocol import AffineLaw, DifferenceLaw, Instants, Law
 from invtrack.errors import ControlError
 from invtrack.plans.plan import Plan, require_plan
 
+FEW_GAINS = 16
+"""So many gains are taken into the plan's own rows, where input and state are wanted at the same instants."""
+
 
 class PlanFollower(ABC):
     """A plan, feedback gains and a period, checked to fit each other.
@@ -103,6 +106,13 @@ class TrackingController(PlanFollower):
 
     def begin(self, instants: Instants) -> AffineLaw | DifferenceLaw:
         """The law for one run: plan and gains looked up for all its instants at once."""
+        if self.plan.difference is None and not np.any(instants.hold) and len(self.gains.gains) <= FEW_GAINS:
+            which = self.gains.interval(instants.inside)
+            offset = np.empty((len(which), self.plan.model.n_inputs))
+            for k, K in enumerate(self.gains.gains):
+                chosen = which == k
+                offset[chosen] = self.plan.inputs_with(K, instants.time[chosen], inside=instants.inside[chosen])
+            return AffineLaw(offset, self.gains.gains, which)
         x_ref = instants.states_of(self.plan)
         feedforward = self.mean_feedforward(instants)
         if self.plan.difference is None:

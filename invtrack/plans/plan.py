@@ -159,6 +159,14 @@ class Plan:
         n, m = self.model.n_states, self.model.n_inputs
         return self.trajectory(times, piece, slice(n, n + m)) + self.model.rest_inputs[interval]
 
+    def inputs_with(self, K: Array, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
+        """u + K x (k, m) at times t (k,) [s], for K (m, n) and states as deviations from the operating point; see __call__."""
+        times, piece, interval = self._pieces(t, inside)
+        model = self.model
+        rows = np.hstack([K, np.eye(model.n_inputs), np.zeros((model.n_inputs, model.n_outputs))])
+        rest = model.rest_inputs + model.rest_states @ K.T
+        return self.trajectory.mapped(rows)(times, piece) + rest[interval]
+
     def __call__(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Samples:
         """Values at times t (k,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""
         times, piece, interval = self._pieces(t, inside)
