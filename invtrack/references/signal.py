@@ -15,6 +15,15 @@ from invtrack.arrays import Array, Indices, finite_number, increasing_times, rea
 from invtrack.errors import TrajectoryError
 from invtrack.linear.propagation import Propagator
 
+ROUNDING = 64 * np.finfo(float).eps
+"""Jumps below this share of what a derivative is nearby are rounding."""
+
+MOST_LOOKED_INTO, POINTS_WITHIN = 64, 9
+"""Of so many breakpoints at most, and at so many points of the piece before each, a derivative's size is looked at."""
+
+GOLDEN = (5**0.5 - 1) / 2
+"""Its multiples spread over a piece without falling in step with a swing."""
+
 JUMP_TOLERANCE = 1e-9
 """A derivative counts as continuous where it jumps by less than this share of its largest value next to any breakpoint."""
 
@@ -234,8 +243,22 @@ class PiecewiseSignal:
 
     def jumps(self, order: int) -> Array:
         """Jump of the derivative of the stated order at each breakpoint, as a share of that derivative's size: (m + 1, p)."""
-        size, (left, right) = self.size(order), self.sides(order)
-        return np.abs(right - left) / np.where(size > 0, size, 1.0)
+        size = self.size(order)
+        return np.abs(self.steps(order)) / np.where(size > 0, size, 1.0)
+
+    def steps(self, order: int) -> Array:
+        """Jump of the derivative of the stated order at each breakpoint (m + 1, p), 0 where it is rounding of its terms."""
+        left, right = self.sides(order)
+        step = right - left
+        small = np.abs(step) <= ROUNDING * self.size(order)
+        step[small] = 0.0
+        # A swing may pass through zero at its ends: what its rounding is compared with lies between them.
+        for i in np.flatnonzero(np.any(step != 0, axis=1))[:MOST_LOOKED_INTO]:
+            if i > 0:
+                begin, end = self.breakpoints[i - 1 : i + 1]
+                within = begin + (end - begin) * (GOLDEN * np.arange(1, 1 + POINTS_WITHIN) % 1.0)
+                step[i, np.abs(step[i]) <= ROUNDING * np.max(np.abs(self(within, derivative=order)), axis=0)] = 0.0
+        return step
 
     def size(self, order: int) -> Array:
         """Largest value of a derivative (p,) over ends of pieces and points within, or what rounding of lower ones leaves."""

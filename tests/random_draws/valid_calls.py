@@ -53,6 +53,7 @@ ROOMS = (
 
 NOT_DOORS = {
     # what functions return; nobody makes one by hand
+    *("Derivatives", "GainsAlong", "Iteration", "Linearizations", "MotionChecks", "MotionPlan", "PlantDynamics"),
     *("Certificate", "Plan", "PolynomialSegments", "PreactuationBound", "Ringing", "SampledPlan", "Samples", "Tail", "Trajectory"),
     *("TwoSidedSegments", "NormalForm", "Zero", "ZeroReport", "BoundaryConditions", "Candidate", "FeasibilityReport"),
     *("IntervalReport", "JumpReport", "Modification", "ModifiedTrajectory", "TradeOff", "TradeOffPoint", "ActiveLimit"),
@@ -72,6 +73,7 @@ NOT_DOORS = {
     *("Instants", "Configuration", "Session", "InvtrackError", "DivergedError", "MissingError"),
     # protocols, aliases and what only its own tests make
     *("Mode", "Oscillation", "RunAssertionError"),
+    *("Dynamics", "Mechanism", "mechanism"),
     *("Controller", "Law", "Observer", "PlanFollower", "Parameter", "Stepper", "Line", "Cell", "Rows"),
     # of studies: made of functions, checked where the study runs
     *("Case", "Setup", "Study", "Table"),
@@ -229,7 +231,18 @@ def _calls() -> dict[str, Call]:
         "preactuation_bound": call(plans.preactuation_bound, plan=invtrack.invert(antistable, slew)),
         # inversion
         "invert": call(
-            invtrack.invert, model=model, reference=slew, R=2.0, tolerance=1e-8, max_preactuation=3.0, max_postactuation=3.0
+            invtrack.invert,
+            callbacks=("progress",),
+            model=model,
+            reference=slew,
+            R=2.0,
+            schedule=(),
+            accuracy=1e-8,
+            hold=None,
+            tolerance=1e-8,
+            max_preactuation=3.0,
+            max_postactuation=3.0,
+            progress=None,
         ),
         "feasibility": call(inversion.feasibility, model=model, reference=slew, R=2.0),
         "modified_inversion": call(
@@ -340,6 +353,7 @@ def _calls() -> dict[str, Call]:
         "RegulationMap.inadmissible_share": call(maps.inadmissible_share, x_e=maps.admissible[:, 0], at=0.0),
         # control
         "lqr": call(invtrack.lqr, model=model, Q=1.0, R=1.0),
+        "amplification": call(control.amplification, plan=plan, gains=gains),
         "bryson": call(invtrack.bryson, model=model, states={"x1": 0.1}, outputs={"y1": 0.1}, inputs={"u1": 1.0}),
         "place": call(invtrack.place, model=model, poles=[-1.0, -2.0]),
         "GainSchedule": call(invtrack.GainSchedule, gains=[np.zeros((1, 2))] * 2, switch_times=[0.5]),
@@ -435,12 +449,31 @@ def _calls() -> dict[str, Call]:
         "sweep_figure": call(
             figures.sweep_figure,
             takes=("NaN vector",),
+            logarithmic=False,
             title="a",
             label="p",
             values=[1.0, 2.0],
             predicted={"a": [1.0, 2.0]},
             measured={"a": [1.0, 2.0]},
             quantity="q",
+        ),
+        "bands_figure": call(
+            figures.bands_figure,
+            takes=("NaN vector",),
+            title="a",
+            time=times,
+            values=np.vstack([values, values]),
+            quantity="q",
+            bands=(50.0, 90.0),
+            manoeuvre=(0.0, 1.0),
+        ),
+        "tornado_figure": call(
+            figures.tornado_figure, title="a", correlations={"mass": 0.5, "delay": -0.1}, samples=20, quantity="q"
+        ),
+        "histogram_figure": call(
+            figures.histogram_figure, takes=("NaN vector",), title="a", values=values, quantity="q", limit=2.0
+        ),
+            figures.histogram_figure, takes=("NaN vector",), title="a", values=values, quantity="q", limit=2.0
         ),
         "Decay": call(figures.Decay, label="e [m]", time=times, values=values, rate=1.0),
         "decay_figure": call(figures.decay_figure, title="a", decays=[figures.Decay("e [m]", times, values + 1e-3, 1.0)]),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.signal
+import scipy.sparse
 from numpy.typing import NDArray
 
 from invtrack.channels import Channels
@@ -16,7 +17,7 @@ from invtrack.errors import RedesignError
 from invtrack.linear.state_space import StateSpace
 from invtrack.redesign.constrained import ConstrainedTrajectory, constrained_redesign
 from invtrack.redesign.cost import cost
-from invtrack.redesign.limited import optimality, quadratic_program
+from invtrack.redesign.limited import optimality
 from invtrack.redesign.limited.quadratic_program import Minimum, QuadraticProgram
 from invtrack.redesign.limits import Limits, StateLimit
 from invtrack.redesign.quadratic import quadratic_redesign
@@ -178,11 +179,11 @@ def test_a_plan_certifies_that_it_is_the_best_one(model: Any, reference: Any, we
 def test_the_gap_bounds_what_a_worse_point_gives_away() -> None:
     """min (z1^2 + z2^2) / 2 - z1 - 2 z2 with z1 = z2 <= 1: the optimum is -2 at z = (1, 1), and the limit's multiplier is 1."""
     program = QuadraticProgram(
-        P=quadratic_program.csr_array(np.eye(2)),
+        P=scipy.sparse.csr_array(np.eye(2)),
         q=np.array([-1.0, -2.0]),
-        E=quadratic_program.csr_array(np.array([[1.0, -1.0]])),
+        E=scipy.sparse.csr_array(np.array([[1.0, -1.0]])),
         e=np.zeros(1),
-        G=quadratic_program.csr_array(np.array([[1.0, 0.0]])),
+        G=scipy.sparse.csr_array(np.array([[1.0, 0.0]])),
         h=np.ones(1),
     )
     found = program.solve()

@@ -99,7 +99,7 @@ def test_one_run_serves_all_and_what_failed_is_kept_and_said(suite: pytest.Pytes
     )
     assert not re.search(r"__tracebackhide__|raise RunAssertionError", text)
     folder = suite.path / ".pytest_cache" / "d" / "invtrack"
-    assert kept(folder) == ["test_arm.py-test_does_not_settle/arm.png", "test_arm.py-test_does_not_settle/arm.rrd"]
+    assert kept(folder) == [f"test_arm.py-test_does_not_settle/arm.{ending}" for ending in ("parquet", "png", "rrd")]
     (recording,) = folder.rglob("*.rrd")
     (figure,) = folder.rglob("*.png")
     assert text.count(f"recording  {recording}") == 3
@@ -125,7 +125,7 @@ def test_under_xdist_each_worker_keeps_its_own_and_all_is_said(suite: pytest.Pyt
     assert {path.partition("/")[0] for path in paths} <= {
         f"test_arm.py-test_{name}" for name in ("does_not_settle", "another_assertion", "asks_itself")
     }
-    assert 2 <= len(paths) <= 6
+    assert 3 <= len(paths) <= 9
     section = result.stdout.str().partition("runs kept (invtrack)")[2]
     assert all(str(path) in section for path in (suite.path / "artefacts").rglob("*.rrd"))
 
@@ -133,10 +133,9 @@ def test_under_xdist_each_worker_keeps_its_own_and_all_is_said(suite: pytest.Pyt
 def test_all_are_kept_if_asked_for_with_a_place_from_the_ini_file(suite: pytest.Pytester) -> None:
     suite.makeini("[pytest]\ninvtrack_keep = always\ninvtrack_artifacts = out/runs\n")
     pytest_run(suite, "-k", "test_tracks or test_heavy").assert_outcomes(passed=3, deselected=5)
-    assert kept(suite.path / "out" / "runs") == [
-        "test_arm.py-test_heavy-load-x1.5/arm-load-x1.5.png", "test_arm.py-test_heavy-load-x1.5/arm-load-x1.5.rrd",
-        "test_arm.py-test_tracks/arm.png", "test_arm.py-test_tracks/arm.rrd",
-    ]  # fmt: skip
+    names = ("test_heavy-load-x1.5/arm-load-x1.5", "test_tracks/arm")
+    expected = [f"test_arm.py-{name}.{ending}" for name in names for ending in ("parquet", "png", "rrd")]
+    assert kept(suite.path / "out" / "runs") == expected
 
 
 def test_nothing_is_kept_if_that_is_asked_for(suite: pytest.Pytester) -> None:
