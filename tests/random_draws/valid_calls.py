@@ -473,8 +473,6 @@ def _calls() -> dict[str, Call]:
         "histogram_figure": call(
             figures.histogram_figure, takes=("NaN vector",), title="a", values=values, quantity="q", limit=2.0
         ),
-            figures.histogram_figure, takes=("NaN vector",), title="a", values=values, quantity="q", limit=2.0
-        ),
         "Decay": call(figures.Decay, label="e [m]", time=times, values=values, rate=1.0),
         "decay_figure": call(figures.decay_figure, title="a", decays=[figures.Decay("e [m]", times, values + 1e-3, 1.0)]),
         "frequency_response_figure": call(
