@@ -7,6 +7,8 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
+from invtrack.arguments import items
+from invtrack.arrays import real_number, shown
 from invtrack.errors import PlanError, RelativeDegreeError
 from invtrack.inversion.allocated import AllocatedDynamics, require_same_unpriced, require_unpriced_rest
 from invtrack.inversion.axis_zeros import require_rest_held, require_rest_left, split_through_axis
@@ -72,6 +74,11 @@ def invert(
     no continuous state keeps the output exact), BoundednessError (no bounded solution).
     Sources: Devasia, Chen, Paden 1996; Devasia, Paden, Rossi 1996, Lemma 1.
     """
+    schedule = items("schedule", schedule, expected="a list of changes, such as [invtrack.Change(1.0, mass=2.0)]", error=PlanError)
+    if not 0 < real_number("accuracy", accuracy, error=PlanError) < 1:
+        raise PlanError(f"accuracy must lie between 0 and 1, a share of the motion, got {accuracy}")
+    if progress is not None and not callable(progress):
+        raise PlanError(f"progress must be a function of the share that is done, got {shown(progress)}")
     moving = mechanism(model)
     if moving is not None:
         if R is not None:
@@ -87,7 +94,7 @@ def invert(
             max_postactuation=max_postactuation,
             progress=progress,
         )
-    if hold is not None or len(schedule):
+    if hold is not None or schedule:
         raise PlanError(
             "schedule and hold are for a Plant, which is planned for as it moves; a linear model that switches is a "
             "SwitchedSystem, and a plan for it is averaged over each hold by the controller"
