@@ -30,7 +30,8 @@ def require_smooth(plant: SwitchedSystem, internals: Sequence[InternalDynamics],
     def jump(order: int) -> Array:
         """Jump of a derivative of the wanted outputs at each breakpoint (p, m + 1)."""
         if order not in known:
-            known[order] = (reference.steps(order) + (rest if order == 0 else 0.0)).T
+            left, right = reference.sides(order)
+            known[order] = (right - left + (rest if order == 0 else 0.0)).T
         return known[order]
 
     forms = list({id(internal.form): internal.form for internal in internals}.values())

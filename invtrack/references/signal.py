@@ -15,15 +15,6 @@ from invtrack.arrays import Array, Indices, finite_number, increasing_times, rea
 from invtrack.errors import TrajectoryError
 from invtrack.linear.propagation import Propagator
 
-ROUNDING = 64 * np.finfo(float).eps
-"""Jumps below this share of what a derivative is nearby are rounding."""
-
-MOST_LOOKED_INTO, POINTS_WITHIN = 64, 9
-"""Of so many breakpoints at most, and at so many points of the piece before each, a derivative's size is looked at."""
-
-GOLDEN = (5**0.5 - 1) / 2
-"""Its multiples spread over a piece without falling in step with a swing."""
-
 JUMP_TOLERANCE = 1e-9
 """A derivative counts as continuous where it jumps by less than this share of its largest value next to any breakpoint."""
 
@@ -31,8 +22,14 @@ JUMP_TOLERANCE = 1e-9
 HIGHEST_DERIVATIVE = 1000
 """No derivative of higher order is worked out: long before, most leave the range of floating-point numbers."""
 
-SIZE_SHARES = (-0.25, 0.0, 0.25)
-"""Where in each piece a derivative's size is looked for beside its ends, as shares of its length from its middle."""
+GOLDEN = (5**0.5 - 1) / 2
+
+SIZE_SHARES = (GOLDEN / 2 - 0.5, 0.0, GOLDEN - 0.5)
+"""Where in each piece a derivative's size is looked for beside its ends, as shares of its length from its middle.
+
+In the middle, where symmetric profiles have their peaks, and at shares of the golden ratio: a swing that passes through zero at the
+ends and in the middle, after whole periods, does not do so there.
+"""
 
 SIZES_TOGETHER = 4
 """Sizes of so many derivatives, the value counted, are found at once, as all of them are asked for one after the other."""
@@ -243,22 +240,8 @@ class PiecewiseSignal:
 
     def jumps(self, order: int) -> Array:
         """Jump of the derivative of the stated order at each breakpoint, as a share of that derivative's size: (m + 1, p)."""
-        size = self.size(order)
-        return np.abs(self.steps(order)) / np.where(size > 0, size, 1.0)
-
-    def steps(self, order: int) -> Array:
-        """Jump of the derivative of the stated order at each breakpoint (m + 1, p), 0 where it is rounding of its terms."""
-        left, right = self.sides(order)
-        step = right - left
-        small = np.abs(step) <= ROUNDING * self.size(order)
-        step[small] = 0.0
-        # A swing may pass through zero at its ends: what its rounding is compared with lies between them.
-        for i in np.flatnonzero(np.any(step != 0, axis=1))[:MOST_LOOKED_INTO]:
-            if i > 0:
-                begin, end = self.breakpoints[i - 1 : i + 1]
-                within = begin + (end - begin) * (GOLDEN * np.arange(1, 1 + POINTS_WITHIN) % 1.0)
-                step[i, np.abs(step[i]) <= ROUNDING * np.max(np.abs(self(within, derivative=order)), axis=0)] = 0.0
-        return step
+        size, (left, right) = self.size(order), self.sides(order)
+        return np.abs(right - left) / np.where(size > 0, size, 1.0)
 
     def size(self, order: int) -> Array:
         """Largest value of a derivative (p,) over ends of pieces and points within, or what rounding of lower ones leaves."""
