@@ -31,7 +31,7 @@ from invtrack.linear.state_space import StateSpace
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import TwoSidedSolution
-from invtrack.references.signal import Generator
+from invtrack.references.generator import Generator
 
 SAME_SUBSPACE = 1e-7
 """Largest principal angle [rad], in balanced states, between subspaces that count as the same."""

@@ -16,7 +16,7 @@ from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import Driveable
-from invtrack.references.signal import Generator
+from invtrack.references.generator import Generator
 
 
 class Inverse(Driveable, Protocol):

@@ -18,7 +18,8 @@ from invtrack.plans.plan import Plan
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.plans.two_sided_problem import two_sided_problem
-from invtrack.references.signal import Generator, PiecewiseSignal
+from invtrack.references.generator import Generator
+from invtrack.references.signal import PiecewiseSignal
 
 REPEATED_TOLERANCE = 1e-6
 """Zeros on the axis that are closer than this share of the largest zero are one repeated zero."""

@@ -17,8 +17,9 @@ from invtrack.plans.actuation import ringing
 from invtrack.plans.certificate import certify
 from invtrack.plans.plan import Plan
 from invtrack.plans.trajectory import Trajectory, away_from_rest
+from invtrack.references.generator import constant_generator
 from invtrack.references.profiles import constant
-from invtrack.references.signal import PiecewiseSignal, constant_generator
+from invtrack.references.signal import PiecewiseSignal
 
 PlanType = TypeVar("PlanType", bound=Plan)
 

@@ -16,7 +16,7 @@ from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.stretch import DrivenPieces, Stretch, piece_states, stretches
 from invtrack.plans.trajectory import Trajectory, TwoSidedSegments, grouped
 from invtrack.plans.two_sided import DrivenSystem, TwoSidedSystem, drive_units
-from invtrack.references.signal import Generator
+from invtrack.references.generator import Generator
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,8 @@ from invtrack.redesign.cost import FARTHEST, FREE_HOLDING, HELD, ROUNDING, Weigh
 from invtrack.redesign.optimality import Conditions
 from invtrack.redesign.optimum import TrackedSystem, optimum
 from invtrack.redesign.riccati import ADVICE, PrecisionError
-from invtrack.references.signal import Generator, PiecewiseSignal
+from invtrack.references.generator import Generator
+from invtrack.references.signal import PiecewiseSignal
 
 COUNTED = 1e-10
 """Share of a cost to which it is worked out where plans are compared: with cheap inputs more is rounding."""

@@ -17,7 +17,7 @@ from invtrack.redesign.cost import Weights, square_root
 from invtrack.redesign.double_double import DoubleDouble
 from invtrack.redesign.paces import by_pace
 from invtrack.redesign.riccati import QuadraticCost, optimal_feedback
-from invtrack.references.signal import Generator
+from invtrack.references.generator import Generator
 
 AXIS_TOLERANCE = 1e-6
 """A mode counts as lying on the imaginary axis within this share of |A|, balanced: rounding splits double modes by sqrt(eps)."""

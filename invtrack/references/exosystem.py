@@ -25,7 +25,8 @@ from invtrack.arrays import (
     whole_number,
 )
 from invtrack.errors import TrajectoryError
-from invtrack.references.signal import Generator, PiecewiseSignal
+from invtrack.references.generator import Generator
+from invtrack.references.signal import PiecewiseSignal
 
 Outside = Literal["zero", "held"]
 

@@ -11,7 +11,8 @@ import scipy.linalg
 
 from invtrack.arrays import Array
 from invtrack.references.bernstein import bernstein_derivatives, graded_breakpoints, pieces_for
-from invtrack.references.signal import Generator, PiecewiseSignal, constant_generator
+from invtrack.references.generator import Generator, constant_generator
+from invtrack.references.signal import PiecewiseSignal
 
 SERIES_DEGREE = 8
 """Up to this degree the Taylor series of a propagator ends by itself, whatever the unit of time of the states."""

@@ -13,14 +13,9 @@ from invtrack.arguments import items, one_of
 from invtrack.arrays import Array, finite_number, increasing_times, real_matrix, real_numbers, require_duration, whole_number
 from invtrack.errors import TrajectoryError
 from invtrack.references.bernstein import bernstein_derivatives, graded_breakpoints, pieces_for
+from invtrack.references.generator import Generator, constant_generator
 from invtrack.references.polynomials import from_bernstein, from_power, polynomial_signal, power_of_two_below
-from invtrack.references.signal import (
-    Generator,
-    PiecewiseSignal,
-    channel_values,
-    constant_generator,
-    constant_signal,
-)
+from invtrack.references.signal import PiecewiseSignal, channel_values, constant_signal
 
 LARGEST_SMOOTHNESS = 100
 """Beyond it the highest derivatives of a rest-to-rest motion approach the end of the range of floating-point numbers."""

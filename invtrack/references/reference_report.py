@@ -13,7 +13,8 @@ from invtrack.arrays import Array, whole_number
 from invtrack.channels import Channels
 from invtrack.errors import TrajectoryError
 from invtrack.layout import aligned
-from invtrack.references.signal import HIGHEST_DERIVATIVE, JUMP_TOLERANCE, Generator, PiecewiseSignal, require_signal
+from invtrack.references.generator import Generator
+from invtrack.references.signal import HIGHEST_DERIVATIVE, JUMP_TOLERANCE, PiecewiseSignal, require_signal
 
 COLUMNS = ("order", "peak", "continuous", "change from piece to piece")
 

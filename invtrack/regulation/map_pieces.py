@@ -16,7 +16,7 @@ from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.references.exosystem import Exosystem
-from invtrack.references.signal import Generator
+from invtrack.references.generator import Generator
 from invtrack.regulation.francis import francis
 
 LARGEST_GROWTH = 3.0

@@ -20,8 +20,9 @@ from invtrack.inversion.feasibility import feasibility
 from invtrack.inversion.feasibility_report import FeasibilityReport
 from invtrack.linear.state_space import OperatingPoint, StateSpace
 from invtrack.linear.switched import SwitchedSystem
+from invtrack.references.generator import Generator
 from invtrack.references.profiles import constant, piecewise_polynomial, raised_cosine, rest_to_rest
-from invtrack.references.signal import Generator, PiecewiseSignal
+from invtrack.references.signal import PiecewiseSignal
 from tests.cited_plants import CANTILEVER_TIP_MASSES, cantilever_paper
 from tests.linear.random_plants import Array, block, plant_with, rotation
 

@@ -13,8 +13,9 @@ from invtrack.errors import InversionError, NonHyperbolicError, PlanError, Relat
 from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
+from invtrack.references.generator import Generator
 from invtrack.references.profiles import autonomous, piecewise_polynomial, raised_cosine, rest_to_rest
-from invtrack.references.signal import Generator, PiecewiseSignal
+from invtrack.references.signal import PiecewiseSignal
 from tests.cited_plants import cantilever_paper
 from tests.linear.random_plants import block, plant_with
 

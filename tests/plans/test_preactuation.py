@@ -19,8 +19,9 @@ from invtrack.plans.preactuation import preactuation_bound
 from invtrack.plans.sampled import plan_from
 from invtrack.redesign import Limits, constrained_redesign
 from invtrack.redesign.quadratic import quadratic_redesign
+from invtrack.references.generator import Generator
 from invtrack.references.profiles import raised_cosine, rest_to_rest
-from invtrack.references.signal import Generator, PiecewiseSignal
+from invtrack.references.signal import PiecewiseSignal
 from invtrack.results import peak_input, peak_input_above_rest, postactuation_time, preactuation_time
 from invtrack.simulation import LinearPlant, simulate
 from tests.cited_plants import cantilever_paper

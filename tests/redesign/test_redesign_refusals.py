@@ -12,8 +12,9 @@ from invtrack.errors import InvtrackError, PlanError, RedesignError, TrajectoryE
 from invtrack.linear.state_space import StateSpace
 from invtrack.redesign.cost import cost
 from invtrack.redesign.quadratic import quadratic_redesign
+from invtrack.references.generator import Generator
 from invtrack.references.profiles import rest_to_rest
-from invtrack.references.signal import Generator, PiecewiseSignal, stack
+from invtrack.references.signal import PiecewiseSignal, stack
 from tests.redesign.plants import NONMINIMUM, TWO_DISC, TWO_DISC_WEIGHTS, there_and_back
 
 GOOD: dict[str, Any] = {"R": 1.0, "Q_y": 1.0}

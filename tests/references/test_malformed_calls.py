@@ -33,7 +33,7 @@ from invtrack.references import (
     step_exosystem,
     sum_exosystems,
 )
-from invtrack.references.signal import Generator, constant_generator
+from invtrack.references.generator import Generator, constant_generator
 
 MOVE, PAIR = rest_to_rest(0.0, 1.0, 2.0), rest_to_rest([0.0, 1.0], [1.0, -1.0], 2.0, smoothness=5)
 WAVE = autonomous([[0.0, 3.0], [-3.0, 0.0]], [[1.0, 0.0]], [0.0, 1.0], start=0.0, end=2.0)

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 from invtrack.errors import TrajectoryError
+from invtrack.references.generator import Generator, constant_generator
 from invtrack.references.profiles import autonomous, constant, piecewise_polynomial, raised_cosine, rest_to_rest
-from invtrack.references.signal import Generator, PiecewiseSignal, constant_generator, stack
+from invtrack.references.signal import PiecewiseSignal, stack
 
 TIMES = np.linspace(-2.0, 7.0, 181)
 laws = settings(deadline=None, max_examples=30, derandomize=True)

@@ -13,7 +13,8 @@ from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.tail import Tail
 from invtrack.redesign.cost import Weights
-from invtrack.references.signal import JUMP_TOLERANCE, Generator, PiecewiseSignal
+from invtrack.references.generator import Generator
+from invtrack.references.signal import JUMP_TOLERANCE, PiecewiseSignal
 
 SAME_LENGTH_DIGITS = 10
 """Steps whose lengths agree to this many digits share their matrices."""

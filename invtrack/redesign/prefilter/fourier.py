@@ -10,7 +10,8 @@ import scipy  # loads scipy.fft and scipy.interpolate at their first use
 
 from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.errors import RedesignError
-from invtrack.references.signal import Generator, PiecewiseSignal
+from invtrack.references.generator import Generator
+from invtrack.references.signal import PiecewiseSignal
 
 OVERSAMPLING = 4
 """Samples per half period of the highest harmonic, for the interpolation between them."""
