@@ -64,8 +64,9 @@ class RunMemory:
         """Set fields, to a number or to the address of an array, which is kept alive: int64, float64 or records, contiguous."""
         for name, value in values.items():
             if isinstance(value, np.ndarray):
-                if not value.flags.c_contiguous:
-                    raise TypeError(f"{name} must be contiguous")
+                known = value.dtype.kind == "V" or value.dtype in (np.float64, np.int64)
+                if not (known and value.flags.c_contiguous):  # read as what it is not, memory would be anything
+                    raise TypeError(f"{name} must be contiguous, of int64, float64 or records; got {value.dtype}, {value.flags}")
                 self._kept[name] = value
                 self.record[name] = value.ctypes.data
             else:
