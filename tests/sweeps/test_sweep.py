@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import threading
 import time
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
@@ -70,7 +71,9 @@ def test_the_same_call_again_computes_nothing_and_returns_the_same_rows(complete
     assert again.path.read_bytes() == before
 
 
-def test_any_executor_gives_the_same_file(complete: Swept, tmp_path: Path) -> None:
+def test_any_executor_gives_the_same_file(complete: Swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # Behind the installed package: a process of the pool imports the study from the checkout, and invtrack from where we have it.
+    monkeypatch.setattr(sys, "path", [*sys.path, str(Path(__file__).parents[2])])
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
         other = swept(tmp_path, points=12, executor=pool)
         assert pool.submit(abs, -1).result() == 1  # it stays open
