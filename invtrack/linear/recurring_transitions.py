@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,6 +27,20 @@ MOST, MOST_ENTRIES = 64, 2**20
 """How many transitions are remembered, and how many entries they may have."""
 
 
+@dataclass(frozen=True, eq=False)
+class Recurring:
+    """Which remembered distance is the nearest to each of some (m,), how far off each is, and whether that is near enough."""
+
+    which: Indices
+    remainder: Array
+    near: NDArray[np.bool_]
+
+    @property
+    def chosen(self) -> Recurring:
+        """Those that are near enough alone."""
+        return Recurring(self.which[self.near], self.remainder[self.near], self.near[self.near])
+
+
 class RecurringTransitions:
     """exp(M h d) of a matrix M (q, q), whose powers are known, at distances d that recur, in scaled coordinates."""
 
@@ -35,32 +51,33 @@ class RecurringTransitions:
 
     def matrix(self, distance: float) -> Array:
         """exp(M h distance) (q, q)."""
-        which, remainder, known = self._nearest(np.array([distance]))
-        if not known[0]:
+        nearest = self._nearest(np.array([distance]))
+        if not nearest.near[0]:
             found = self._transition(distance)
             self._remember(distance, found)
             return found
-        found, step = self._transitions[which[0]], self._powers.matrix * (self._powers.step * remainder[0])
-        return np.asarray(found + found @ (step + step @ step / 2)) if remainder[0] else found
+        off = nearest.remainder[0]
+        found, step = self._transitions[nearest.which[0]], self._powers.matrix * (self._powers.step * off)
+        return np.asarray(found + found @ (step + step @ step / 2)) if off else found
 
-    def known(self, distances: Array) -> NDArray[np.bool_] | None:
+    def recurring(self, distances: Array) -> Recurring | None:
         """Which of the distances (m,) recur, None for too few of them; those that recur in this call are remembered."""
         q = len(self._powers.matrix)
-        _, _, known = self._nearest(distances)
-        left = np.flatnonzero(~known)[:SAMPLE]
+        nearest = self._nearest(distances)
+        left = np.flatnonzero(~nearest.near)[:SAMPLE]
         if len(left) >= OFTEN and len(distances) >= max(OFTEN, q) and len(self._distances) < self._most:
             sample = np.sort(distances[left])
             new = sample[np.append(True, np.diff(sample) > RECURS * np.minimum(sample[1:], 1.0))]
             if len(new) * OFTEN <= len(left) and len(new) * max(OFTEN, q) <= len(distances):
                 for distance in new.tolist():
                     self._remember(distance, self._transition(distance))
-                _, _, known = self._nearest(distances)
-        return known if 2 * np.count_nonzero(known) > len(known) else None
+                nearest = self._nearest(distances)
+        return nearest if 2 * np.count_nonzero(nearest.near) > len(distances) else None
 
-    def values(self, X: Array, v: Array, owner: Indices, distances: Array) -> Array:
-        """X exp(M h distance_i) v[owner_i], (m, k), at known distances (m,): X (k, q) in scaled coordinates, v (g, q) not."""
-        which, remainder, _ = self._nearest(distances)
-        M, result = self._powers.matrix * self._powers.step, np.empty((len(distances), len(X)))
+    def values(self, X: Array, v: Array, owner: Indices, distances: Recurring) -> Array:
+        """X exp(M h distance_i) v[owner_i], (m, k), at distances that are near: X (k, q) in scaled coordinates, v (g, q) not."""
+        which, remainder = distances.which, distances.remainder
+        M, result = self._powers.matrix * self._powers.step, np.empty((len(which), len(X)))
         for index in np.flatnonzero(np.bincount(which)).tolist():
             chosen = np.flatnonzero(which == index) if len(self._distances) > 1 else slice(None)
             off, states = remainder[chosen, np.newaxis], v[owner[chosen]]
@@ -75,16 +92,15 @@ class RecurringTransitions:
             result[chosen] = found
         return result
 
-    def _nearest(self, distances: Array) -> tuple[Indices, Array, NDArray[np.bool_]]:
-        """The nearest remembered distance to each of these (m,), how far off it is, and whether it is near enough."""
+    def _nearest(self, distances: Array) -> Recurring:
         if not len(self._distances):
-            return np.zeros(len(distances), dtype=np.intp), distances, np.zeros(len(distances), dtype=bool)
+            return Recurring(np.zeros(len(distances), dtype=np.intp), distances, np.zeros(len(distances), dtype=bool))
         if len(self._distances) == 1:
             which = np.zeros(len(distances), dtype=np.intp)
         else:
             which = np.searchsorted((self._distances[:-1] + self._distances[1:]) / 2, distances)
         remainder = distances - self._distances[which]
-        return which, remainder, np.abs(remainder) <= RECURS * np.minimum(self._distances, 1.0)[which]
+        return Recurring(which, remainder, np.abs(remainder) <= RECURS * np.minimum(self._distances, 1.0)[which])
 
     def _remember(self, distance: float, transition: Array) -> None:
         if len(self._distances) < self._most:

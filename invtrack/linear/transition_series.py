@@ -126,12 +126,13 @@ class TransitionSeries:
         for first in range(0, len(tau), length):
             part = slice(first, first + length)
             distances, owners = tau[part] / self.powers.step, owner[part]
-            known = self._recurring.known(distances)
-            if known is not None and np.all(known):
-                result[part] = self._recurring.values(rows.X, v, owners, distances)
-            elif known is not None:
-                result[part][known] = self._recurring.values(rows.X, v, owners[known], distances[known])
-                result[part][~known] = self._around_nodes(rows, v, owners[~known], distances[~known])
+            recurring = self._recurring.recurring(distances)
+            if recurring is not None and np.all(recurring.near):
+                result[part] = self._recurring.values(rows.X, v, owners, recurring)
+            elif recurring is not None:
+                near = recurring.near
+                result[part][near] = self._recurring.values(rows.X, v, owners[near], recurring.chosen)
+                result[part][~near] = self._around_nodes(rows, v, owners[~near], distances[~near])
             else:
                 result[part] = self._around_nodes(rows, v, owners, distances)
 
@@ -148,11 +149,14 @@ class TransitionSeries:
 
     def _summed(self, nodes: Array, cells: _Cells) -> Array:
         """The Taylor series from the cells' nodes to the times, (m, q)."""
-        M, share = self.powers.matrix.T * self.powers.step, cells.remainder
-        term, result = nodes, nodes[cells.cell]
+        M, share = self.powers.matrix.T * self.powers.step, cells.remainder[:, None]
+        terms = [nodes]
         for j in range(1, cells.terms):
-            term = term @ M / j
-            result += share[:, None] ** j * term[cells.cell]
+            terms.append(terms[-1] @ M / j)
+        result = np.zeros((len(cells.cell), nodes.shape[1]))
+        for term in reversed(terms):
+            result *= share
+            result += term[cells.cell]
         return result
 
     def _nodes(self, v: Array, count: NDArray[np.int64]) -> Array:

@@ -279,8 +279,11 @@ class Plant:
 
     def model_with(self, values: Mapping[str, float] | None = None) -> mujoco.MjModel:
         """A fresh copy of the model with named parameters set; the others as in the file. Raises PlantError like `apply`."""
-        model = copy.copy(self.model)
-        self.apply(model, values or {})
+        model, values = copy.copy(self.model), values or {}
+        self._check(values)
+        if values:
+            self._write(model, values)
+            self._derive(model)
         return model
 
     def apply(self, model: mujoco.MjModel, values: Mapping[str, float]) -> None:
@@ -293,13 +296,20 @@ class Plant:
         """
         self._check(values)
         self._require_own(model)
-        if not values:
-            return
-        for target in (copy.copy(model), model):  # the copy takes any refusal, so that the model itself stays whole
-            for name, value in values.items():
-                self.parameters[name].write(target, float(value), reference=self.model)
-            for name in values:
-                self.parameters[name].check(target)
+        if values:
+            self._write(copy.copy(model), values)  # the copy takes any refusal, so that the model itself stays whole
+            self._write(model, values)
+            self._derive(model)
+
+    def _write(self, model: mujoco.MjModel, values: Mapping[str, float]) -> None:
+        """Write the parameters as they are. Raises PlantError, the model half written, for values that leave no mechanism."""
+        for name, value in values.items():
+            self.parameters[name].write(model, float(value), reference=self.model)
+        for name in values:
+            self.parameters[name].check(model)
+
+    def _derive(self, model: mujoco.MjModel) -> None:
+        """Have MuJoCo work out anew what it derives from masses."""
         # The scratch data are thrown away: mj_setConst puts qpos0 into the data it is given.
         mujoco.mj_setConst(model, mujoco.MjData(model))
 

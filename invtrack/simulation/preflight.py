@@ -175,11 +175,14 @@ def warn_of_unstable_holds(controller: Controller, instants: Instants, model: Sw
         return
     gains, longest = controller.gains, float(np.max(instants.hold))
     holds = np.rint(instants.hold / longest / SAME_HOLD).astype(np.int64)  # equal but for rounding within an interval
-    found = np.column_stack([-holds, model.interval(instants.inside), gains.interval(instants.inside)])
+    inside = instants.inside
     if (along := controller.plan.linearizations) is not None:
-        found = found[(instants.inside < along.edges[0]) | (instants.inside > along.edges[-1])]
-    changed = np.any(np.diff(found, axis=0, prepend=found[:1] - 1) != 0, axis=1)
-    for steps, k, g in np.unique(found[changed], axis=0).tolist():  # the longest first
+        outside = (inside < along.edges[0]) | (inside > along.edges[-1])
+        holds, inside = holds[outside], inside[outside]
+    cases = (-holds, model.interval(inside), gains.interval(inside))
+    changed = np.flatnonzero(np.any([np.diff(case, prepend=-1) != 0 for case in cases], axis=0))
+    found = np.column_stack([case[changed] for case in cases])
+    for steps, k, g in np.unique(found, axis=0).tolist():  # the longest first
         A, B, K, hold = model.systems[k].A, model.systems[k].B, gains.gains[g], -steps * SAME_HOLD * longest
         if hold <= 0:
             return
