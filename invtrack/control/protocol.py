@@ -12,6 +12,7 @@ import numpy as np
 from invtrack.arrays import Array, Indices
 from invtrack.control.gains import GainSchedule
 from invtrack.plans.plan import Difference, Plan
+from invtrack.references.signal import selection
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -166,7 +167,9 @@ class AffineLaw:
         which = gains.interval(inside)
         offset = feedforward.copy()
         for k, gain in enumerate(gains.gains):
-            offset[which == k] += x_ref[which == k] @ gain.T
+            chosen = selection(which == k)
+            if chosen is not None:
+                offset[chosen] += x_ref[chosen] @ gain.T
         return cls(offset, gains.gains, which)
 
     def update(self, index: int, measurement: Array) -> Array:

@@ -80,7 +80,7 @@ class RecurringTransitions:
         M, result = self._powers.matrix * self._powers.step, np.empty((len(which), len(X)))
         for index in np.flatnonzero(np.bincount(which)).tolist():
             chosen = np.flatnonzero(which == index) if len(self._distances) > 1 else slice(None)
-            off, states = remainder[chosen, np.newaxis], v[owner[chosen]]
+            off, states = remainder[chosen, np.newaxis], v.take(owner[chosen], axis=0)
             farthest = float(np.max(np.abs(off))) / max(min(self._distances[index], 1.0), np.finfo(float).tiny)
             rows = [X @ self._transitions[index]]
             for order in range(1, 1 + (farthest > 0) + (farthest > NEARLY)):

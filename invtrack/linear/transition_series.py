@@ -75,7 +75,7 @@ class TransitionSeries:
         """
         result = np.empty((len(tau), len(X)))
         if math.isinf(self.powers.step):
-            np.matmul(v[owner], X.T, out=result)
+            np.matmul(v.take(owner, axis=0), X.T, out=result)
             return result
         rows = _Rows(X * self.powers.scale, self.powers.matrix * self.powers.step)
         long = max(LONG_STRETCH, len(self.powers.matrix))
@@ -118,7 +118,7 @@ class TransitionSeries:
     def _carried(self, v: Array, owner: Indices, tau: Array) -> Array:
         """exp(M tau_i) v[owner_i] in scaled coordinates."""
         cells = _Cells.of(tau / self.powers.step, owner)
-        return self._summed(self._nodes(v[cells.owner], cells.count), cells)
+        return self._summed(self._nodes(v.take(cells.owner, axis=0), cells.count), cells)
 
     def _scattered(self, rows: _Rows, v: Array, owner: Indices, tau: Array, result: Array) -> None:
         k, q = rows.X.shape
@@ -139,7 +139,7 @@ class TransitionSeries:
     def _around_nodes(self, rows: _Rows, v: Array, owner: Indices, distances: Array) -> Array:
         """X exp(M h distance_i) v[owner_i] (m, k), from the states at the nodes."""
         cells = _Cells.of(distances, owner)
-        nodes = self._nodes(v[cells.owner] / self.powers.scale, cells.count)
+        nodes = self._nodes(v.take(cells.owner, axis=0) / self.powers.scale, cells.count)
         (k, q), m, c, terms = rows.X.shape, len(cells.cell), len(nodes), cells.terms
         summed_first = terms * (c * q * q + ENTRYWISE * m * q) + m * k * q
         mapped_first = terms * ((c + q) * k * q + ENTRYWISE * m * k)
@@ -156,7 +156,7 @@ class TransitionSeries:
         result = np.zeros((len(cells.cell), nodes.shape[1]))
         for term in reversed(terms):
             result *= share
-            result += term[cells.cell]
+            result += term.take(cells.cell, axis=0)
         return result
 
     def _nodes(self, v: Array, count: NDArray[np.int64]) -> Array:
@@ -212,7 +212,7 @@ class _Rows:
         result = np.zeros((len(cells.cell), len(self.X)))
         for term in reversed(self._series[: cells.terms]):
             result *= share
-            result += (nodes @ term.T)[cells.cell]
+            result += (nodes @ term.T).take(cells.cell, axis=0)
         return result
 
 

@@ -146,18 +146,18 @@ class Plan:
         times, piece, interval = self._pieces(t, inside)
         n, m = self.model.n_states, self.model.n_inputs
         x, u, y = np.split(self.trajectory(times, piece), [n, n + m], axis=1)
-        return Samples(times, x, u, y, self.reference(times, inside=inside) - self.model.rest_outputs[interval])
+        return Samples(times, x, u, y, self.reference(times, inside=inside) - self.model.rest_outputs.take(interval, axis=0))
 
     def states(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """States (k, n) at times t (k,) [s], as deviations from the operating point before all jumps; see __call__."""
         times, piece, interval = self._pieces(t, inside)
-        return self.trajectory(times, piece, slice(0, self.model.n_states)) + self.model.rest_states[interval]
+        return self.trajectory(times, piece, slice(0, self.model.n_states)) + self.model.rest_states.take(interval, axis=0)
 
     def inputs(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """Inputs (k, m) at times t (k,) [s]; see __call__."""
         times, piece, interval = self._pieces(t, inside)
         n, m = self.model.n_states, self.model.n_inputs
-        return self.trajectory(times, piece, slice(n, n + m)) + self.model.rest_inputs[interval]
+        return self.trajectory(times, piece, slice(n, n + m)) + self.model.rest_inputs.take(interval, axis=0)
 
     def inputs_with(self, K: Array, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
         """u + K x (k, m) at times t (k,) [s], for K (m, n) and states as deviations from the operating point; see __call__."""
@@ -165,7 +165,7 @@ class Plan:
         model = self.model
         rows = np.hstack([K, np.eye(model.n_inputs), np.zeros((model.n_inputs, model.n_outputs))])
         rest = model.rest_inputs + model.rest_states @ K.T
-        return self.trajectory.mapped(rows)(times, piece) + rest[interval]
+        return self.trajectory.mapped(rows)(times, piece) + rest.take(interval, axis=0)
 
     def __call__(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Samples:
         """Values at times t (k,) [s]; `inside` names, by times within them, the pieces meant where a side matters."""
@@ -174,9 +174,9 @@ class Plan:
         x, u, y = np.split(self.trajectory(times, piece), [n, n + m], axis=1)
         return Samples(
             time=times,
-            x=x + model.rest_states[interval],
-            u=u + model.rest_inputs[interval],
-            y=y + model.rest_outputs[interval],
+            x=x + model.rest_states.take(interval, axis=0),
+            u=u + model.rest_inputs.take(interval, axis=0),
+            y=y + model.rest_outputs.take(interval, axis=0),
             y_d=self.reference(times, inside=inside),
         )
 
