@@ -3,7 +3,7 @@
     plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
 
 Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `references`, `plans`, `inversion`,
-`redesign`, `regulation`, `control`, `simulation`, `results`, `recording`, `figures`, `studies`, `sweeps`, `testing`.
+`redesign`, `regulation`, `control`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`, `sweeps`, `testing`.
 
 Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, and the papers in it.
 """
@@ -19,6 +19,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
     from invtrack import control as control
     from invtrack import figures as figures
     from invtrack import inversion as inversion
+    from invtrack import learning as learning
     from invtrack import linear as linear
     from invtrack import plans as plans
     from invtrack import plant as plant
@@ -44,6 +45,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
         place,
     )
     from invtrack.inversion import causal_inverse, invert, modified_inversion
+    from invtrack.learning import iterate
     from invtrack.linear import StateSpace, SwitchedSystem
     from invtrack.plans import Plan, export_plan, read_plan
     from invtrack.plant import (
@@ -57,7 +59,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
     from invtrack.redesign import Limits, StateLimit, constrained_redesign, quadratic_redesign
     from invtrack.references import PiecewiseSignal, load_reference, raised_cosine, rest_to_rest, sampled_reference
     from invtrack.regulation import exosystem_map
-    from invtrack.results import RunResult, max_error, metrics, residual_vibration
+    from invtrack.results import RunResult, max_error, metrics, read_log, residual_vibration
     from invtrack.simulation import LinearPlant, Sensor, simulate
 
 __all__ = [
@@ -86,6 +88,7 @@ __all__ = [
     "exosystem_map",
     "export_plan",
     "invert",
+    "iterate",
     "linearize",
     "load_recording",
     "load_reference",
@@ -97,6 +100,7 @@ __all__ = [
     "place",
     "quadratic_redesign",
     "raised_cosine",
+    "read_log",
     "read_plan",
     "residual_vibration",
     "rest_to_rest",
@@ -134,7 +138,8 @@ _ROOMS: dict[str, tuple[str, ...]] = {
         "place",
     ),
     "simulation": ("LinearPlant", "Sensor", "simulate"),
-    "results": ("RunResult", "max_error", "metrics", "residual_vibration"),
+    "results": ("RunResult", "max_error", "metrics", "read_log", "residual_vibration"),
+    "learning": ("iterate",),
     "recording": ("load_recording", "save_recording"),
     "figures": (),
     "sweeps": (),

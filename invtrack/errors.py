@@ -61,6 +61,10 @@ class SimulationError(InvtrackError, ValueError):
     """A simulation was asked for something it cannot do."""
 
 
+class LearningError(InvtrackError, ValueError):
+    """Learning from run to run is not possible as asked: the error does not contract, or a run does not fit."""
+
+
 class SweepError(InvtrackError, ValueError):
     """A sweep, its design or what its study returns is not usable as asked."""
 

@@ -31,7 +31,8 @@ ROOMS: dict[str, set[str]] = {
     "regulation": {"linear", "references", "plans", "inversion", *THEORY},
     "control": {"linear", "references", "plans", "regulation", *THEORY},
     "plant": {"linear", "plans", "mujoco", "numba", "llvmlite", *THEORY},
-    "results": {"plans"},
+    "results": {"linear", "references", "plans"},
+    "learning": {"references", "plans", "results"},
     "simulation": {"linear", "plans", "control", "plant", "results", "mujoco", *THEORY},
     "recording": {"results", "mujoco", "rerun", "pyarrow"},
     "figures": {"results", "plans", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own

@@ -14,6 +14,7 @@ from invtrack.references.reference_file import load_reference
 from invtrack.references.reference_report import ReferenceReport, reference_report
 from invtrack.references.samples import sampled_reference
 from invtrack.references.signal import PiecewiseSignal, stack
+from invtrack.references.smoothing import smoothed_reference
 
 __all__ = [
     "Exosystem",
@@ -30,6 +31,7 @@ __all__ = [
     "rest_to_rest",
     "sampled_reference",
     "sinusoidal_exosystem",
+    "smoothed_reference",
     "stack",
     "stack_exosystems",
     "step_exosystem",

@@ -46,27 +46,41 @@ def sampled_reference(times: ArrayLike, values: ArrayLike, *, degree: int = 5, s
     range, samples are too few, or they lie so unevenly, or the degree is so high, that rounding alone moves the spline by more than
     1e-9 of the motion (from degree 37 on for even spacing). Source: C. de Boor, A Practical Guide to Splines, 2001, ch. XIII.
     """
-    t, y = _samples(times, values)
+    t, y = require_samples(times, values)
     require_increasing(t, lambda i: f"sample {i}")
     smoothness = _require_possible(len(t), degree, smoothness)
     edges = _edges(t, degree)
-    units = state_units(np.diff(edges), degree)  # powers of two, so that no knot is rounded
-    scale = float(np.max(units))
+    scale = float(np.max(state_units(np.diff(edges), degree)))  # a power of two, so that no knot is rounded
     offset = y[0]  # the spline is that of the motion, so that a large constant part costs no accuracy
     spline = _interpolant(t / scale, y - offset, degree, smoothness)
-    derivatives = np.zeros((len(edges) - 1, y.shape[1], degree + 1))
-    derivatives[:, :, 0] = y[:-1] if degree % 2 else np.vstack([y[:1], offset + spline(edges[1:-1] / scale)])
+    starts = y[:-1] if degree % 2 else np.vstack([y[:1], offset + spline(edges[1:-1] / scale)])
+    return spline_signal(spline, edges, scale, starts, y[-1])
+
+
+def spline_signal(spline: scipy.interpolate.BSpline, edges: Array, scale: float, starts: Array, end: Array) -> PiecewiseSignal:
+    """A spline as a signal, held at its ends before and after.
+
+    Args:
+        spline: the motion over t / scale.
+        edges: of its polynomial pieces (m + 1,) [s].
+        scale: a power of two [s].
+        starts: value at each piece's start (m, p), which the spline itself may leave out a constant of.
+        end: value after the last piece (p,).
+    """
+    degree, units = spline.k, state_units(np.diff(edges), spline.k)
+    derivatives = np.zeros((*starts.shape, degree + 1))
+    derivatives[:, :, 0] = starts
     for order in range(1, degree + 1):
         # Derivative after derivative from the coefficients' differences: its two neighbours at a knot see the same ones, so that
         # also derivatives full of noise are continuous to rounding of their own size.
         spline = spline.derivative()
         derivatives[:, :, order] = spline(edges[:-1] / scale) * ((units / scale) ** order)[:, np.newaxis]
-    p = y.shape[1]
-    return polynomial_signal(edges, units, derivatives, (y[0], y[-1]), rows=np.eye(p), offset=np.zeros(p))
+    p = starts.shape[1]
+    return polynomial_signal(edges, units, derivatives, (starts[0], end), rows=np.eye(p), offset=np.zeros(p))
 
 
-def _samples(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
-    """times (m,) and values (m, p), finite."""
+def require_samples(times: ArrayLike, values: ArrayLike) -> tuple[Array, Array]:
+    """times (m,) and values (m, p), finite. Raises TrajectoryError where they are not, or do not fit each other."""
     t, y = real_numbers("times of the samples", times), real_numbers("values of the samples", values)
     y = y[:, None] if y.ndim == 1 else y
     if t.ndim != 1 or y.ndim != 2 or len(y) != len(t) or y.shape[1] == 0:
