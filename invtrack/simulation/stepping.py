@@ -148,11 +148,11 @@ class Run:
 
 def _kept(record: Recorded, texts: Sequence[str]) -> Recorded:
     """What was recorded, up to the last state and input within what MuJoCo integrates; its other warnings are passed on."""
-    good = np.all(np.abs(record.x) < LARGEST, axis=1)  # NaN compares false
-    good[1:] &= np.all(np.abs(record.u) < LARGEST, axis=1)  # MuJoCo replaces such an input by zero
-    if good.all():
+    if all(np.max(np.abs(values), initial=0.0) < LARGEST for values in (record.x, record.u)):  # NaN compares false
         for text in texts:
             warnings.warn(f"MuJoCo: {text}", RuntimeWarning, stacklevel=4)
         return record
+    good = np.all(np.abs(record.x) < LARGEST, axis=1)
+    good[1:] &= np.all(np.abs(record.u) < LARGEST, axis=1)  # MuJoCo replaces such an input by zero
     cause = f"MuJoCo reports: {texts[0]}" if texts else f"a state or input exceeds {LARGEST:.0e}"
     return record.cut(max(int(np.argmin(good)) - 1, 0), cause)
