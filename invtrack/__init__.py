@@ -3,7 +3,8 @@
     plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
 
 Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `references`, `plans`, `inversion`,
-`redesign`, `regulation`, `control`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`, `sweeps`, `testing`.
+`redesign`, `regulation`, `control`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`, `sweeps`,
+`testing`, `command`.
 
 Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, and the papers in it.
 """
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from invtrack.errors import InvtrackError
 
 if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
+    from invtrack import command as command
     from invtrack import control as control
     from invtrack import figures as figures
     from invtrack import inversion as inversion
@@ -144,12 +146,17 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "figures": (),
     "sweeps": (),
     "studies": (),
+    "command": (),
     "testing": (),
 }
 _FILES: dict[str, tuple[str, ...]] = {"channels": ("Channels",)}
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version  # reads a file
+
+        return version(__name__)
     for room, names in {**_ROOMS, **_FILES}.items():
         if name == room or name in names:
             module = importlib.import_module(f"{__name__}.{room}")

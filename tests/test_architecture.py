@@ -52,6 +52,8 @@ ROOMS: dict[str, set[str]] = {
         "pytest",
     },
 }
+ROOMS["command"] = {*ROOMS, "mujoco", "tyro", "matplotlib", "numba", "rerun", "scipy"}  # `doctor` names their versions
+ROOMS["__main__"] = {"command"}
 EVERYWHERE = {"arguments", "arrays", "channels", "errors", "files", "layout", "numpy"}
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}
 

@@ -1,0 +1,50 @@
+"""The program: subcommands, and how each of them ends."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Annotated, NoReturn
+
+import tyro
+
+from invtrack.command.doctor import Doctor
+from invtrack.command.run import Run
+from invtrack.command.view import Compare, View
+from invtrack.command.zeros import Zeros
+from invtrack.errors import InvtrackError
+
+Command = (
+    Annotated[Zeros, tyro.conf.subcommand("zeros")]
+    | Annotated[Run, tyro.conf.subcommand("run")]
+    | Annotated[View, tyro.conf.subcommand("view")]
+    | Annotated[Compare, tyro.conf.subcommand("compare")]
+    | Annotated[Doctor, tyro.conf.subcommand("doctor")]
+)
+
+DESCRIPTION = """Inversion-based output tracking of flexible, nonminimum-phase mechanisms, validated in MuJoCo.
+
+Exit status: 0 done, 1 refused, 2 a command line that cannot be read, 3 a simulation diverged, 130 interrupted."""
+
+
+def main(args: Sequence[str] | None = None) -> NoReturn:
+    """Read the command line (the process's unless given), do what it says, and end the program.
+
+    What cannot be done ends with one readable line; an exception that is none of invtrack's is a defect and keeps its traceback.
+    """
+    words = list(sys.argv[1:] if args is None else args)
+    if words == ["--version"]:
+        print(f"invtrack {version('invtrack')}")
+        raise SystemExit(0)
+    try:
+        command = tyro.cli(Command, prog="invtrack", description=DESCRIPTION, args=words)
+        status = command.execute()
+    except (InvtrackError, OSError) as error:
+        message = f"{error.filename}: {error.strerror}" if isinstance(error, OSError) and error.filename else str(error)
+        print(f"invtrack: {'; '.join([message, *getattr(error, '__notes__', [])])}", file=sys.stderr)
+        raise SystemExit(1) from None
+    except KeyboardInterrupt:
+        print("invtrack: interrupted", file=sys.stderr)
+        raise SystemExit(130) from None
+    raise SystemExit(status)

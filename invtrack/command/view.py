@@ -1,0 +1,83 @@
+"""`invtrack view` and `invtrack compare`: a look at runs that were kept."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from invtrack.errors import InvtrackError
+from invtrack.figures import comparison_figure, save_figure
+from invtrack.results import RunResult, metrics
+from invtrack.studies.table import Column, print_table
+
+Paths = Annotated[tuple[Path, ...], tyro.conf.arg(metavar="RUN")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class View:
+    """Open recordings in the Rerun viewer."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """Recordings (.rrd), or folders of runs."""
+
+    def execute(self) -> int:
+        """Start the viewer; its status."""
+        command = [sys.executable, "-m", "rerun", *(str(path) for path in recordings(self.runs))]
+        return subprocess.run(command, check=False).returncode
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compare:
+    """Print the metrics of runs side by side, and draw their errors and inputs in one figure."""
+
+    runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
+    """Recordings (.rrd), or folders of runs."""
+
+    figure: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
+    """Where to draw the comparison."""
+
+    json: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Print the metrics as JSON in place of a table."""
+
+    def execute(self) -> int:
+        """Print and draw; 0."""
+        found = named_runs(recordings(self.runs))
+        rows = {name: {**metrics(run), "status": run.status} for name, run in found.items()}
+        if self.json:
+            print(json.dumps(rows, indent=2))
+        else:
+            columns = ["max error", "rms error", "residual vibration", "peak input", "preactuation time", "postactuation time"]
+            print_table("", columns=[Column(name) for name in columns], rows=rows, row_header="run")
+        if self.figure is not None:
+            save_figure(comparison_figure(list(found.values())), self.figure)
+        return 0
+
+
+def recordings(paths: tuple[Path, ...]) -> list[Path]:
+    """The recordings among paths, and those in folders. Raises InvtrackError where there are none."""
+    found: list[Path] = []
+    for path in paths:
+        inside = sorted(path.glob("*.rrd")) if path.is_dir() else [path]
+        if not inside or not all(each.is_file() for each in inside):
+            raise InvtrackError(f"{path}: expected a recording (.rrd) or a folder with some")
+        found += inside
+    if not found:
+        raise InvtrackError("expected recordings (.rrd), or folders of runs, got none")
+    return found
+
+
+def named_runs(paths: list[Path]) -> dict[str, RunResult]:
+    """All runs of recordings, by names of their own."""
+    from invtrack.recording import load_recording  # loads Rerun, which nobody waits for who asks for something else
+
+    runs: dict[str, RunResult] = {}
+    for path in paths:
+        for name, run in load_recording(path).items():
+            runs[name if name not in runs else f"{path.parent.name}/{name}"] = run
+    return runs
