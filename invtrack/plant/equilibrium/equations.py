@@ -24,22 +24,23 @@ YIELD = 0.01
 """A joint's limit that may hold the mechanism gives way, by no more than this share of the range."""
 
 SLOWEST = 1e-9
-"""An acceleration below this share of the fastest, in units of the positions, is rounding."""
+"""A force that makes an acceleration below this share of the fastest, in units of the positions, is rounding."""
 
 RESOLVED = 1e-6
 """How near to a bound an unknown counts as held by it, in its unit."""
 
 
 class EquilibriumEquations:
-    """qacc = 0, act' = 0 and y = y_given at rest, as functions of z = (displacement in tangent space, act, ctrl).
+    """All forces cancel, act' = 0 and y = y_given at rest, as functions of z = (displacement in tangent space, act, ctrl).
 
+    Forces along the degrees of freedom, not the accelerations that they make: of a long chain of links a torque at one joint
+    accelerates all of them, some many thousand times as much as others, and what balances each joint is hard to tell from those.
     All forces count that MuJoCo knows. Dry friction is left out: what is in equilibrium without it is so with it. Contacts and
     limits count where `constraints` says so. Controls are not clamped here: their ranges are bounds.
 
     Equations and unknowns are scaled, so that neither the units of a file nor the size of a mechanism matter: positions by 1 rad
-    or the mechanism's extent; accelerations by what all single forces together, and each position's change by its unit, would
-    make of them; controls and activations by what it takes to accelerate as much; outputs by what the positions' units would
-    make of them.
+    or the mechanism's extent; forces by what all single ones, and what each position's change by its unit makes of them, add up
+    to; controls and activations by what it takes to push as much; outputs by what the positions' units would make of them.
 
     Args:
         plant: whose couplings act, and whose operating point is where the search starts.
@@ -92,8 +93,13 @@ class EquilibriumEquations:
         nv, na = self.model.nv, self.model.na
         return self.plant.at(qpos=self.qpos(z), qvel=np.zeros(nv), act=z[nv : nv + na], ctrl=z[nv + na :])
 
+    def rates(self, z: Array) -> Array:
+        """(qacc, act') at z, in SI units: what a plant that is no equilibrium does there."""
+        activations = self.values(z)[self.model.nv : self.model.nv + self.model.na]
+        return np.concatenate([self.data.qacc, activations])
+
     def values(self, z: Array) -> Array:
-        """(qacc, act', y - y_given) at z, in SI units."""
+        """(forces, act', y - y_given) at z, in SI units."""
         data = self.data
         _, act, ctrl = np.split(z, [self.model.nv, self.model.nv + self.model.na])
         data.qpos[:], data.act[:], data.ctrl[:] = self.qpos(z), act, ctrl
@@ -103,7 +109,7 @@ class EquilibriumEquations:
         # Whatever its time constants, which jump there, a muscle is at rest where its activation is its excitation.
         rates[self._muscles] = ctrl[self._excitations] - act[self._muscles]
         missed = self.given.output_readings.values(data) - self.given.output_values
-        return np.concatenate([data.qacc, rates, missed])
+        return np.concatenate([data.qfrc_smooth + data.qfrc_constraint, rates, missed])
 
     def residual(self, z: Array) -> Array:
         """The same, scaled."""
@@ -137,32 +143,38 @@ class EquilibriumEquations:
         spans = (self.bounds[nv:, 1] - self.bounds[nv:, 0]) / 2
         spans = np.where(np.isfinite(spans), as_divisor(spans), 1.0)
         self.values(self.start)
-        single = self._single_accelerations()
+        single, inertia = self._single_forces(), self._inertia()
         changes = np.abs(self._derivative(self.start, np.ones(len(self.start), dtype=bool), np.concatenate([lengths, spans])))
         by_position, by_input = changes[:, :nv], changes[:, nv:]
-        accelerations = single + np.sum(by_position[:nv], axis=1)
-        fastest = lengths * np.max(accelerations / lengths, initial=0.0)
+        forces = single + np.sum(by_position[:nv], axis=1)
+        fastest = inertia * lengths * np.max(forces / inertia / lengths, initial=0.0)
         driven = np.max(by_input[:nv], axis=1, initial=0.0)
-        for idle in (driven, fastest):  # what nothing accelerates by itself is scaled by what inputs make of it, or as the rest
-            accelerations = np.where(accelerations > SLOWEST * fastest, accelerations, idle)
-        accelerations = as_divisor(accelerations)
-        # A control that accelerates nothing by itself acts through its activation, whose unit follows from the force it makes.
-        strength = np.max(by_input[:nv] / accelerations[:, None], axis=0, initial=0.0)
+        for idle in (driven, fastest):  # what nothing pushes by itself is scaled by what inputs make of it, or as the rest
+            forces = np.where(forces > SLOWEST * fastest, forces, idle)
+        forces = as_divisor(forces)
+        # A control that pushes nothing by itself acts through its activation, whose unit follows from the force it makes.
+        strength = np.max(by_input[:nv] / forces[:, None], axis=0, initial=0.0)
         inputs = spans / as_divisor(strength)
         rates = as_divisor(np.max(by_input[nv : nv + na] / as_divisor(strength), axis=1, initial=0.0))
         indirect = np.max(by_input[nv : nv + na, na:] / rates[:, None], axis=0, initial=0.0)
         inputs[na:] /= np.where(strength[na:] > 0, 1.0, as_divisor(indirect))
         outputs = as_divisor(np.sum(by_position[nv + na :], axis=1))
-        return np.concatenate([lengths, inputs]), np.concatenate([accelerations, rates, outputs])
+        return np.concatenate([lengths, inputs]), np.concatenate([forces, rates, outputs])
 
-    def _single_accelerations(self) -> Array:
-        """What the single forces would make of each acceleration, added up without their signs, (nv,)."""
+    def _single_forces(self) -> Array:
+        """The single forces along each degree of freedom, added up without their signs, (nv,)."""
         data = self.data
         kinds = (data.qfrc_bias, data.qfrc_spring, data.qfrc_gravcomp, data.qfrc_actuator, data.qfrc_constraint)
-        forces = np.array(kinds)
-        accelerations = np.zeros_like(forces)
-        mujoco.mj_solveM(self.model, data, accelerations, forces)
-        return np.asarray(np.sum(np.abs(accelerations), axis=0))
+        return np.asarray(np.sum(np.abs(kinds), axis=0))
+
+    def _inertia(self) -> Array:
+        """Of each degree of freedom with all that it carries, (nv,)."""
+        found = np.empty(self.model.nv)
+        for dof, unit in enumerate(np.eye(self.model.nv)):
+            column = np.empty_like(unit)
+            mujoco.mj_mulM(self.model, self.data, column, unit)
+            found[dof] = column[dof]
+        return found
 
     def _bounds(self) -> Array:
         """Ranges of the positions of slides and hinges, as displacements, of activations and of controls."""

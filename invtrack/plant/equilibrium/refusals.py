@@ -145,7 +145,9 @@ def _what_is_left(search: EquilibriumSearch, found: Iterate) -> str:
     equations = search.equations
     names = [*equations.plant.coordinates.names[equations.model.nv :], *equations.given.outputs.names]
     units = [*(f"{unit} per s" for unit in equations.plant.coordinates.units[equations.model.nv :]), *equations.given.outputs.units]
-    values, jacobian = equations.values(found.z), equations.jacobian(found.z, equations.free)
+    nv, na = equations.model.nv, equations.model.na
+    values = np.concatenate([equations.rates(found.z), equations.values(found.z)[nv + na :]])
+    jacobian = equations.jacobian(found.z, equations.free)
     largest = [i for i in np.argsort(-np.abs(found.residual))[:SHOWN] if abs(found.residual[i]) > 1e-3 * found.miss]
     left = listed(f"{names[i]}: {values[i]:.6g} {units[i]}" for i in largest)
     idle = [names[i] for i in largest if np.max(np.abs(jacobian[i]), initial=0.0) <= ACTS]
