@@ -2,8 +2,9 @@
 
 from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.linear.normal_form import NormalForm, normal_form, relative_degree
+from invtrack.linear.oscillation import slowest_flexible_period
 from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
-from invtrack.linear.switched import SwitchedSystem, slowest_flexible_period
+from invtrack.linear.switched import SwitchedSystem
 from invtrack.linear.without_hidden_modes import without_hidden_modes
 from invtrack.linear.zeros import Zero, ZeroReport, zero_report, zeros
 

@@ -43,9 +43,17 @@ class Pseudospectrum:
         So a double eigenvalue, which rounding splits by sqrt(eps), is still seen. Looking only at j Im z would name every real
         eigenvalue beside one at the origin.
         """
+        return self._joins(z, np.asarray(1j * z.imag, dtype=np.complex128), epsilon)
+
+    def joins_real(self, z: ComplexArray, epsilon: float) -> NDArray[np.bool_]:
+        """Whether eigenvalues z (m,) of A cannot be told from real ones: all the way to Re z lies in the pseudospectrum, (m,)."""
+        return self._joins(z, np.asarray(z.real, dtype=np.complex128), epsilon)
+
+    def _joins(self, z: ComplexArray, target: ComplexArray, epsilon: float) -> NDArray[np.bool_]:
+        """Whether all the way from each of z (m,) to its target (m,) lies in the pseudospectrum, (m,)."""
         reached = np.ones(len(z), dtype=bool)
         for share in (0.0, 0.25, 0.5, 0.75):
-            way = (share * z.real + 1j * z.imag)[reached].astype(complex)
+            way = (target + share * (z - target))[reached].astype(complex)
             reached[reached] = self.contains(way, epsilon)
         return reached
 

@@ -12,16 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import items
-from invtrack.arrays import Array, Indices, increasing_times, real_matrix, real_numbers
+from invtrack.arrays import Array, Indices, increasing_times, real_numbers
 from invtrack.channels import Channels
 from invtrack.errors import ModelError
 from invtrack.linear.state_space import OperatingPoint, StateSpace, as_state_space
 
 T = TypeVar("T")
-
-OSCILLATION_TOLERANCE = 1e-6
-"""An eigenvalue counts as an oscillation where its imaginary part exceeds this share of the fastest eigenvalue: a rigid-body mode's
-double eigenvalue at zero is split by rounding to about sqrt(eps) of it."""
 
 SAME_POINT = 1e-9
 """Entries of two configurations that differ by no more, absolutely or as a share, are the same to rounding."""
@@ -207,17 +203,3 @@ def _in_frame(model: StateSpace, first: StateSpace, k: int) -> StateSpace:
         )
     moved = x0 - origin if len(x0) == model.n_states else 0.0
     return replace(model, operating_point=replace(model.operating_point, x0=origin), rest=model.rest + moved)
-
-
-def slowest_flexible_period(A: ArrayLike) -> float:
-    """Period 2 pi / |Im s| [s] of the slowest oscillatory eigenvalue s of A (n, n); NaN where nothing oscillates.
-
-    Raises ModelError for what is no square matrix of finite numbers.
-    """
-    matrix = real_matrix("A", A, error=ModelError)
-    if matrix.shape[0] != matrix.shape[1]:
-        raise ModelError(f"A must be square, got shape {matrix.shape}")
-    eigenvalues = np.linalg.eigvals(matrix)
-    frequencies = np.abs(eigenvalues.imag)
-    flexible = frequencies[frequencies > OSCILLATION_TOLERANCE * np.max(np.abs(eigenvalues), initial=0.0)]
-    return float(2 * np.pi / flexible.min()) if flexible.size else float("nan")

@@ -14,7 +14,7 @@ from invtrack.arrays import Array, real_number, real_numbers, require_duration, 
 from invtrack.channels import Channels
 from invtrack.control.protocol import Controller
 from invtrack.errors import SimulationError
-from invtrack.linear.switched import slowest_flexible_period
+from invtrack.linear.oscillation import slowest_flexible_period
 from invtrack.plans.plan import Samples
 from invtrack.plans.problem import left_out_of
 from invtrack.plant.parameters import Change, ordered
@@ -111,7 +111,7 @@ def simulate(
     warn_of_limits(simulated, controller)
     warn_of_unused_sensors(controller, sensors or {})
     if vibration_period is None:
-        period = slowest_flexible_period(plan.model.systems[-1].A)
+        period = slowest_flexible_period(plan.model.systems[-1])
     else:
         period = real_number("vibration_period", vibration_period, unit="s", error=SimulationError)
         require_duration("vibration_period", period, error=SimulationError)

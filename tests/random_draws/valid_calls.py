@@ -178,7 +178,7 @@ def _calls() -> dict[str, Call]:
         "zero_report": call(linear.zero_report, system=model),
         "without_hidden_modes": call(linear.without_hidden_modes, model=model),
         "format_zeros": call(linear.format_zeros, takes=("complex", "complex matrix"), zeros=[1.0 + 2.0j], size=1.0),
-        "slowest_flexible_period": call(linear.slowest_flexible_period, A=A),
+        "slowest_flexible_period": call(linear.slowest_flexible_period, system=model),
         # references
         "rest_to_rest": call(invtrack.rest_to_rest, start=0.0, end=1.0, duration=1.0, smoothness=2, start_time=0.0),
         "raised_cosine": call(invtrack.raised_cosine, peak=1.0, period=1.0, cycles=1, start_time=0.0),
