@@ -8,8 +8,9 @@ from typing import Literal, get_args
 import numpy as np
 
 from invtrack.arguments import file_path, one_of
-from invtrack.arrays import Array, real_number
-from invtrack.errors import FileError, TrajectoryError
+from invtrack.arrays import Array, real_number, shown
+from invtrack.errors import FileError, PlanError, TrajectoryError
+from invtrack.plans.dynamics import mechanism
 from invtrack.plans.plan import Plan, require_plan
 from invtrack.plans.sampled import SampledPlan, origin_of, plan_from, read_samples, write_samples
 
@@ -44,18 +45,30 @@ def export_plan(
     return write_samples(sampled_plan(plan, rate=rate, inputs=inputs, start=start, end=end), file_path(path))
 
 
-def read_plan(path: str | Path) -> Plan:
+def read_plan(path: str | Path, *, plant: object = None) -> Plan:
     """The plan in a file that `export_plan` wrote: as it was sampled, to be followed, drawn and simulated.
 
     Between the rows it is polynomial: u_ff is held, or linear for the inputs "sample"; x_ref and y are the cubics that agree with
     the rows and with the plant's equations at both ends of each row's time; y_d is a spline through its samples. Before the first
     and after the last row it holds what stands there. Model, manoeuvre, certificate and remarks are those of the exported plan.
 
-    Raises FileError where the file cannot be read or holds no plan.
+    A plan on the motion of a Plant, as `invert(plant, reference)` makes it, is read back with that plant: it says how states go on
+    from row to row, how they differ where it turns in space, and what is linear along the motion, for `lqr(plan, ...)`.
+
+    Args:
+        path: of the file.
+        plant: the Plant that the plan was made for, where it stood then; plans on linear models do without.
+
+    Raises FileError where the file cannot be read, holds no plan, or holds one that needs a plant and gets none, or another.
     """
     samples = read_samples(file_path(path))
+    moving = None if plant is None else mechanism(plant)
+    if plant is not None and moving is None:
+        raise FileError(f"plant must be the invtrack.Plant that the plan was made for, got {shown(plant)}")
     try:
-        return plan_from(samples)
+        return plan_from(samples, moving)
+    except PlanError as error:
+        raise FileError(f"{path}: {error}") from error
     except (KeyError, TypeError, ValueError) as error:
         raise FileError(f"{path} does not say which plan it comes from ({error}); export the plan again") from error
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +14,14 @@ from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array
 from invtrack.channels import Channels
-from invtrack.errors import FileError, TrajectoryError
+from invtrack.errors import FileError, PlanError, TrajectoryError
 from invtrack.files import read_table, write_table
 from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
+from invtrack.plans.dynamics import Mechanism
 from invtrack.plans.plan import Plan, intervals_of_pieces
+from invtrack.plans.rates import LinearRates, MotionRates, Rates
 from invtrack.plans.ringing import Ringing
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import PolynomialSegments, Trajectory
@@ -130,21 +132,35 @@ def origin_of(plan: Plan, *, inputs: str, end: float) -> str:
             "ringing": None if plan.ringing is None else asdict(plan.ringing),
             "inputs": inputs,
             "end": end,
+            "nonlinear": plan.linearizations is not None or plan.difference is not None,
             "model": _model_as_json(plan.model),
         }
     )
 
 
-def plan_from(samples: SampledPlan) -> Plan:
-    """The plan that goes through the rows. Raises KeyError, TypeError or ValueError where the origin does not fit them."""
+def plan_from(samples: SampledPlan, moving: Mechanism | None) -> Plan:
+    """The plan that goes through the rows; moving: the mechanism whose motion it was planned on, if it was planned on one.
+
+    Raises KeyError, TypeError or ValueError where the origin does not fit the rows, PlanError for a mechanism that does not fit
+    them, or where they need one and there is none.
+    """
     origin = json.loads(samples.origin)
     model = _model_from(origin["model"])
-    edges = np.append(samples.time, origin["end"])
-    return Plan(
+    edges, held = np.append(samples.time, origin["end"]), origin["inputs"] != "sample"
+    motion = None if moving is None else MotionRates(moving, model)
+    if not origin["nonlinear"]:
+        motion = None
+    elif motion is None:
+        raise PlanError(
+            f"the plan is for the motion of a mechanism with the states {list(model.states.names)}, which says how they go on from "
+            "row to row and how they differ; read it with the plant that it was made for, invtrack.read_plan(path, plant=plant)"
+        )
+    trajectory = _trajectory(model, edges, samples, motion or LinearRates(model), held=held)
+    plan = Plan(
         method=str(origin["method"]),
         model=model,
         reference=_wanted(samples.time, samples.y_d),
-        trajectory=_trajectory(model, edges, samples, held=origin["inputs"] != "sample"),
+        trajectory=trajectory,
         manoeuvre=(float(origin["manoeuvre"][0]), float(origin["manoeuvre"][1])),
         preactuation=float(origin["preactuation"]),
         postactuation=float(origin["postactuation"]),
@@ -153,6 +169,11 @@ def plan_from(samples: SampledPlan) -> Plan:
         ringing=None if origin["ringing"] is None else Ringing(**origin["ringing"]),
         remarks=(*origin["remarks"], f"read from {len(samples.time)} samples; the certificate is that of the plan they come from"),
     )
+    if moving is None or motion is None:
+        return plan
+    middles = (edges[:-1] + edges[1:]) / 2
+    along = motion.along(edges, model.interval(middles), plan.states(middles), plan.inputs(middles))
+    return replace(plan, difference=moving.state_difference if moving.turns else None, linearizations=along)
 
 
 def _wanted(time: Array, y_d: Array) -> PiecewiseSignal:
@@ -164,36 +185,40 @@ def _wanted(time: Array, y_d: Array) -> PiecewiseSignal:
     return piecewise_polynomial(time, pieces)
 
 
-def _trajectory(model: SwitchedSystem, edges: Array, samples: SampledPlan, *, held: bool) -> Trajectory:
-    """Segments between the edges (m + 1,), m rows: Hermite cubics in x and y, constants or lines in u."""
+def _trajectory(model: SwitchedSystem, edges: Array, samples: SampledPlan, rates: Rates, *, held: bool) -> Trajectory:
+    """Segments between the edges (m + 1,), m rows: Hermite cubics in x and y, constants or lines in u.
+
+    Args:
+        model: from the rest of whose intervals values are measured.
+        edges, samples: times [s], and what is known at all but the last.
+        rates: of states and outputs there.
+        held: whether inputs are constant in between.
+    """
     h, n, m = np.diff(edges)[:, None], model.n_states, model.n_inputs
     pieces = intervals_of_pieces(model, edges)
     rest = np.hstack([model.rest_states, model.rest_inputs, model.rest_outputs])[pieces]
     interval = pieces[1:-1]
-    # All as deviations from the rest of the interval in which each row's middle lies, also where the row ends.
+    # A row goes on as the interval says in which its middle lies, also where it ends.
+    x, u, y = samples.x_ref, samples.u_ff, samples.y
+    u_end = u if held else np.vstack([u[1:], u[-1:]])
+    u_rate = (u_end - u) / h
+    x_rate, _, y_rate = rates(interval, x, u, u_rate)
+    # The last row has no next one: there the state goes on as it moves.
+    x_end = np.vstack([x[1:], x[-1:] + h[-1:] * x_rate[-1:]])
+    x_rate_end, y_there, y_rate_end = rates(interval, x_end, u_end, u_rate)
+    y_end = np.vstack([y[1:], y_there[-1:]])
     x_0, u_0, y_0 = np.split(rest[1:-1], [n, n + m], axis=1)
-    x, u, y = samples.x_ref - x_0, samples.u_ff - u_0, samples.y - y_0
-    u_end = u if held else np.vstack([samples.u_ff[1:], samples.u_ff[-1:]]) - u_0
-    A, B, C, D = (np.array([getattr(system, name) for system in model.systems])[interval] for name in "ABCD")
-    slopes_start = np.einsum("kij,kj->ki", A, x) + np.einsum("kij,kj->ki", B, u)
-    # The last row has no next one: there the state goes on as the plant's equations say.
-    x_end = np.vstack([samples.x_ref[1:] - x_0[:-1], x[-1:] + h[-1:] * slopes_start[-1:]])
-    slopes_end = np.einsum("kij,kj->ki", A, x_end) + np.einsum("kij,kj->ki", B, u_end)
-    y_end = np.vstack([samples.y[1:] - y_0[:-1], (C[-1] @ x_end[-1] + D[-1] @ u_end[-1])[None]])
-    rate = (u_end - u) / h
-    slopes_y = [np.einsum("kij,kj->ki", C, s) + np.einsum("kij,kj->ki", D, rate) for s in (slopes_start, slopes_end)]
     coefficients = np.zeros((len(x), 4, n + m + model.n_outputs))
-    coefficients[:, :, :n] = _hermite(x, x_end, h * slopes_start, h * slopes_end)
-    coefficients[:, 0, n : n + m], coefficients[:, 1, n : n + m] = u, u_end - u
-    coefficients[:, :, n + m :] = _hermite(y, y_end, h * slopes_y[0], h * slopes_y[1])
-    count = np.arange(len(x))
-    first = np.concatenate([x[0], u[0], y[0]]) + rest[1] - rest[0]
-    last = np.concatenate([x_end[-1], u_end[-1], y_end[-1]]) + rest[-2] - rest[-1]
+    coefficients[:, :, :n] = _hermite(x - x_0, x_end - x_0, h * x_rate, h * x_rate_end)
+    coefficients[:, 0, n : n + m], coefficients[:, 1, n : n + m] = u - u_0, u_end - u
+    coefficients[:, :, n + m :] = _hermite(y - y_0, y_end - y_0, h * y_rate, h * y_rate_end)
+    first = np.concatenate([x[0], u[0], y[0]]) - rest[0]
+    last = np.concatenate([x_end[-1], u_end[-1], y_end[-1]]) - rest[-1]
     return Trajectory(
         breakpoints=edges,
         groups=(PolynomialSegments(coefficients, h[:, 0]),),
         group=np.zeros(len(x), dtype=np.intp),
-        number=count,
+        number=np.arange(len(x)),
         before=Tail.holding(-1, first),
         after=Tail.holding(1, last),
     )
