@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from invtrack.arguments import items
 from invtrack.arrays import Array
-from invtrack.errors import InversionError, NonHyperbolicError
+from invtrack.errors import InversionError, NonHyperbolicError, PlanError
 from invtrack.inversion.bounded_solution import bounded_solution
 from invtrack.inversion.inverse_system import inverse_systems, require_square
 from invtrack.inversion.modified.modified_dynamics import has_equilibrium, undivided_dynamics
+from invtrack.inversion.nonlinear.postures import steady_motion
 from invtrack.inversion.smoothness import require_smooth
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros, on_axis
 from invtrack.linear.state_space import StateSpace
+from invtrack.plans.dynamics import ScheduledChange, mechanism
 from invtrack.plans.plan import Plan
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
@@ -82,14 +86,28 @@ def _require_bounded(internal: InternalDynamics, interval: int) -> None:
         )
 
 
-def steady_state_feedforward(model: Any, reference: PiecewiseSignal) -> Plan:
+def steady_state_feedforward(model: Any, reference: PiecewiseSignal, *, schedule: Sequence[ScheduledChange] = ()) -> Plan:
     """State and input that would hold the output at y_d(t) if it stood still there: A x + B u = 0, C x + D u = y_d.
 
     No inverse stands behind it: it is not a trajectory of the plant (its certificate's dynamics residual says by how much), and
     with feedback around it, it is what a controller without inversion does.
 
-    Raises InversionError where some output cannot be held (a zero at s = 0), TrajectoryError for a wrong number of channels.
+    Of a Plant these are the postures at rest with y_d(t), f(x, u) = 0 and h(x, u) = y_d, and the inputs that hold each of them
+    against gravity and springs; `lqr` of such a plan makes gains that follow the postures.
+
+    Args:
+        model: as for `invert`.
+        reference: absolute; for a Plant from rest, where it stands, to rest.
+        schedule: for a Plant, when its parameters change on the way: [Change(1.0, tip_mass=0.5)].
+
+    Raises InversionError where some output cannot be held (a zero at s = 0), TrajectoryError for a wrong number of channels; for a
+    Plant PlanError where there is no equilibrium on the way, and for what else `invert` refuses.
     """
+    moving = mechanism(model)
+    if moving is not None:
+        return steady_motion(moving, reference, schedule)
+    if len(items("schedule", schedule, expected="a list of changes, such as [invtrack.Change(1.0, mass=2.0)]", error=PlanError)):
+        raise PlanError("schedule is for a Plant; a linear model that switches is a SwitchedSystem")
     problem = PlanningProblem.of(model, reference)
     require_square(problem.plant, "steady_state_feedforward")
     trajectory = two_sided_problem(problem, problem.plant.map(_SteadyState)).solve().trajectory()

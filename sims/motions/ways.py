@@ -73,8 +73,9 @@ class Motion:
         return invtrack.TrackingController(invtrack.invert(self.model, self.reference), self.gains)
 
     def feedback_only(self) -> invtrack.TrackingController:
-        """The input that would hold each wanted output at rest, with the same gains."""
-        return invtrack.TrackingController(steady_state_feedforward(self.model, self.reference), self.gains)
+        """The postures at rest with each wanted output, the inputs that hold them, and gains that follow these postures."""
+        plan = steady_state_feedforward(self.plant, self.reference, schedule=self.schedule)
+        return invtrack.TrackingController(plan, invtrack.lqr(plan, Q=self.Q, R=self.R))
 
     def cases(self, timestep: float) -> list[Case]:
         """One for each way; the held inverse is that for the simulation's own steps [s]."""
