@@ -24,7 +24,7 @@ SETTLED = 1e-3
 """Share of the first run's error below which a rehearsal has shown what it is to show."""
 
 STALLED = 0.9
-"""An error that a run leaves more than this share of has stopped shrinking."""
+"""An error that each of two runs leaves more than this share of has stopped shrinking; of a nonlinear mechanism one run alone may."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +76,8 @@ def iterate(
 ) -> Learned:
     """Drive, learn from the error, drive again: see `Learning` for what is learned.
 
-    It stops after `runs` runs, once the error within the band is down to `target`, or when a run leaves more than 0.9 of the error
-    of the run before: what is left then does not repeat itself (noise), or lies beyond what the band's splines can follow.
+    It stops after `runs` runs, once the error within the band is down to `target`, or when each of two runs leaves more than 0.9 of
+    the error of the run before: what is left then does not repeat itself (noise), or lies beyond what the band's splines can follow.
 
     Args:
         drive: drives the mechanism along a plan and returns the run; where that is done by hand, use `Learning` and `read_log`.
@@ -115,8 +115,9 @@ def iterate(
         if target is not None and step.error <= target:
             stopped = f"run {number} is within the target"
             break
-        if step.contraction is not None and step.contraction > STALLED:
-            stopped = f"run {number} leaves {step.contraction:.2g} of the error of the run before"
+        last = [each.contraction for each in learning.steps[-2:] if each.contraction is not None]
+        if len(last) == 2 and min(last) > STALLED:
+            stopped = f"the last two runs leave {last[0]:.2g} and {last[1]:.2g} of the error of the run before"
             break
     return Learned(tuple(learning.steps), learning.best, predicted, stopped, learning)
 

@@ -12,7 +12,7 @@ from invtrack.arrays import Array, finite_number
 from invtrack.channels import Channels
 from invtrack.errors import FileError
 from invtrack.files import Header, read_table
-from invtrack.linear.switched import slowest_flexible_period
+from invtrack.linear.oscillation import slowest_flexible_period
 from invtrack.plans.plan import Plan, require_plan
 from invtrack.references.columns import column_factor, named_column, time_column
 from invtrack.references.unit_conversion import Factor
@@ -136,7 +136,7 @@ def _result(plan: Plan, t: Array, found: Mapping[str, Signal], name: str) -> Run
         timestep=float(np.max(np.diff(t))),
         evaluate="held",
         integrator="log",
-        vibration_period=slowest_flexible_period(model.systems[-1].A),
+        vibration_period=slowest_flexible_period(model.systems[-1]),
         events=tuple(event for event in events if t[0] <= event.time <= t[-1]),
         remarks=(f"a log, which does not hold {', '.join(absent)}",) if absent else (),
         qpos=np.zeros((len(t), 0)),
