@@ -24,7 +24,7 @@ SETTLED = 1e-3
 """Share of the first run's error below which a rehearsal has shown what it is to show."""
 
 STALLED = 0.9
-"""An error that each of two runs leaves more than this share of has stopped shrinking; of a nonlinear mechanism one run alone may."""
+"""An error of which each of two runs leaves more than this share has stopped shrinking; one run alone may do so on the way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def iterate(
     """Drive, learn from the error, drive again: see `Learning` for what is learned.
 
     It stops after `runs` runs, once the error within the band is down to `target`, or when each of two runs leaves more than 0.9 of
-    the error of the run before: what is left then does not repeat itself (noise), or lies beyond what the band's splines can follow.
+    the error of the run before: what is left then does not repeat itself (noise), or lies beyond what the band's splines follow.
 
     Args:
         drive: drives the mechanism along a plan and returns the run; where that is done by hand, use `Learning` and `read_log`.

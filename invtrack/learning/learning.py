@@ -22,6 +22,12 @@ Planner = Callable[[PiecewiseSignal], Plan]
 SPECTRUM_SAMPLES = 4096
 """Times at which an error within the band is looked at."""
 
+LAST = 0.05
+"""Last share of the window in which what was learned is to have come to rest."""
+
+SETTLED = 0.01
+"""Share of itself within which it has."""
+
 NOTICED = 0.1
 """Share of the largest amplitude from which on a frequency counts, where the growth of an error is explained."""
 
@@ -65,7 +71,8 @@ class Learning:
         band: highest frequency that is learned [rad/s]: below those at which the model is wrong by more than itself.
         gain: share of the error that is learned from one run, above 0 and below 2; less where noise matters more than speed.
         degree: of the splines; the plant's relative degree at least.
-        window: (start, end) [s] of what is learned; the first run's span unless given.
+        window: (start, end) [s] of what is learned; the first run's span unless given. After it the correction stays as it is, so
+            it should last until all has come to rest; a remark of the plan says where it does not.
 
     Raises LearningError for arguments out of range. Source: the inverse as learning filter, e.g. Ghosh, Paden, "Iterative learning
     control for nonlinear nonminimum phase plants", ASME J. Dyn. Syst. Meas. Control 123, 2001.
@@ -144,7 +151,7 @@ class Learning:
         )
         corrected = self.gain * error + (0.0 if self._correction is None else self._correction(times))
         correction = self._in_band(times, corrected)
-        self.plan = self._for_the_reference(self._planner(self.reference + correction))
+        self.plan = self._for_the_reference(self._planner(self.reference + correction), correction)
         self._correction = correction
         self._errors.append(left)
         self.steps.append(step)
@@ -172,9 +179,14 @@ class Learning:
     def _in_band(self, times: Array, error: Array) -> PiecewiseSignal:
         return smoothed_reference(times, error, band=self.band, start=np.zeros(error.shape[1]), degree=self.degree)
 
-    def _for_the_reference(self, plan: Plan) -> Plan:
+    def _for_the_reference(self, plan: Plan, correction: PiecewiseSignal) -> Plan:
         """A plan for y_d + c as one for y_d, from which what it is to deliver differs."""
         T_i, T_f = self._manoeuvre
+        times = np.linspace(*correction.manoeuvre, SPECTRUM_SAMPLES)
+        values = correction(times)
+        late = values[times > times[-1] - LAST * (times[-1] - times[0])]
+        moving = float(np.max(np.ptp(late, axis=0)) / max(float(np.max(np.ptp(values, axis=0))), np.finfo(float).tiny))
+        text = f"what was learned still changes by {moving:.2g} of itself at the end of its window, {times[-1]:.4g} s: drive longer"
         return replace(
             plan,
             method=f"{plan.method}, learned",
@@ -182,6 +194,7 @@ class Learning:
             manoeuvre=self._manoeuvre,
             preactuation=max(0.0, T_i - plan.start),
             postactuation=max(0.0, plan.end - T_f),
+            remarks=(*plan.remarks, *([text] if moving > SETTLED else [])),
         )
 
 

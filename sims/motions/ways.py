@@ -11,8 +11,15 @@ import numpy as np
 
 import invtrack
 from invtrack.control import amplification
+from invtrack.errors import LearningError
 from invtrack.inversion import steady_state_feedforward
 from invtrack.studies import Case, Column
+
+LEARNING_RUNS = 15
+"""At most."""
+
+LEARNING_TAIL = 25.0
+"""How long each goes on after the motion [s]: until feedback has nothing left to correct."""
 
 COLUMNS = (
     Column("max error", "of motion", key="error_share"),
@@ -35,6 +42,8 @@ class Motion:
         Q, R: weights of states and inputs.
         schedule: changes of parameters on the way.
         linear: the linear model, with the same changes.
+        band: highest frequency [rad/s] that the linear inverse learns from run to run; None: learning is not among the ways.
+        contracts: whether it learns; False where this is what the motion shows.
         period: of the vibration that is looked for after the motion [s]; None: that of the slowest flexible mode.
     """
 
@@ -45,6 +54,8 @@ class Motion:
     R: Any
     schedule: Sequence[invtrack.Change] = ()
     linear: Callable[[invtrack.Plant], Any] = invtrack.linearize
+    band: float | None = None
+    contracts: bool = True
     period: float | None = None
 
     @cached_property
@@ -77,6 +88,22 @@ class Motion:
         plan = steady_state_feedforward(self.plant, self.reference, schedule=self.schedule)
         return invtrack.TrackingController(plan, invtrack.lqr(plan, Q=self.Q, R=self.R))
 
+    def learned(self, timestep: float) -> invtrack.TrackingController:
+        """The linear inverse after some runs in the simulator, corrected by the errors of the runs before; with its gains."""
+
+        def drive(plan: invtrack.Plan) -> invtrack.RunResult:
+            controller = invtrack.TrackingController(plan, self.gains)
+            end = plan.manoeuvre[1] + LEARNING_TAIL
+            return invtrack.simulate(self.plant, controller, schedule=self.schedule, timestep=timestep, end=end)
+
+        def planner(reference: invtrack.PiecewiseSignal) -> invtrack.Plan:
+            return invtrack.invert(self.model, reference)
+
+        found = invtrack.iterate(
+            drive, planner, self.reference, band=self.band, runs=LEARNING_RUNS, rehearsal=None if self.contracts else drive
+        )
+        return invtrack.TrackingController(found.plan, self.gains)
+
     def cases(self, timestep: float) -> list[Case]:
         """One for each way; the held inverse is that for the simulation's own steps [s]."""
         ways: dict[str, Callable[[], invtrack.TrackingController]] = {
@@ -85,6 +112,8 @@ class Motion:
             "linear_inverse": self.linear_inverse,
             "feedback_only": self.feedback_only,
         }
+        if self.band is not None:
+            ways["linear_inverse_learned"] = lambda: self.learned(timestep)
         settings = {"schedule": self.schedule, "vibration_period": self.period}
         cases = []
         for way, make in ways.items():
@@ -99,7 +128,9 @@ class Motion:
             def numbers(run: invtrack.RunResult, kept: list[invtrack.TrackingController] = controllers) -> dict[str, Any]:
                 return self.numbers(run, kept[-1])
 
-            cases.append(Case(f"{self.name}_{way}" if self.name else way, self.plant, planned, settings=settings, numbers=numbers))
+            refused = LearningError if way == "linear_inverse_learned" and not self.contracts else None
+            name = f"{self.name}_{way}" if self.name else way
+            cases.append(Case(name, self.plant, planned, settings=settings, numbers=numbers, refused_by=refused))
         return cases
 
     def numbers(self, run: invtrack.RunResult, controller: invtrack.TrackingController) -> dict[str, Any]:

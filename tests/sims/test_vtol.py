@@ -19,3 +19,11 @@ def test_the_inverse_of_the_motion_steps_aside_where_the_linear_one_falls_and_mi
     assert feedback["error_share"] > 0.3
     assert 0.05 < motion["preactuation_time"] < 1.0  # the zeros are +-18 rad/s
     assert "3_m_inverse.rrd" in summary["files"]
+
+
+def test_the_linear_inverse_learns_the_way_where_it_is_not_too_long(tmp_path: Path) -> None:
+    words = [word for distance in ("3", "12") for word in ("--case", f"{distance}_m_linear_inverse_learned")]
+    cases = summary_of("vtol", tmp_path, *words, timestep=4e-3, says="VTOL")["cases"]
+    assert cases["3_m_linear_inverse_learned"]["error_share"] < 1e-4  # 0.1 before anything is learned
+    assert cases["12_m_linear_inverse_learned"]["status"] == "refused"
+    assert cases["12_m_linear_inverse_learned"]["reason"].startswith("learning does not contract")
