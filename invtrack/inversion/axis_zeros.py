@@ -52,15 +52,19 @@ def split_interval(system: StateSpace, *, endless: bool) -> SplitDynamics:
     split = split_by(internal, lambda zero: bool(forward[np.argmin(np.abs(zeros - zero))]))
     if not endless or not np.any(axis):
         return split
-    parts = invariant_parts(split.A_s, lambda zero: not axis[np.argmin(np.abs(zeros - zero))])
-    onto = np.vstack([parts.L_1, parts.L_2])
+    quick, slow = split.quick[0], slice(split.quick[0].start)
+    parts = invariant_parts(split.A_s[slow, slow], lambda zero: not axis[np.argmin(np.abs(zeros - zero))])
+    # What dies out, quick ones after the others, and what does not.
+    A_s = scipy.linalg.block_diag(parts.A_1, split.A_s[quick, quick], parts.A_2)
+    G_s, L_s = (np.vstack([parts.L_1 @ M[slow], M[quick], parts.L_2 @ M[slow]]) for M in (split.G_s, split.L_s))
     return replace(
         split,
-        A_s=scipy.linalg.block_diag(parts.A_1, parts.A_2),
-        G_s=onto @ split.G_s,
-        W_s=split.W_s @ np.hstack([parts.W_1, parts.W_2]),
-        L_s=onto @ split.L_s,
+        A_s=A_s,
+        G_s=G_s,
+        W_s=np.hstack([split.W_s[:, slow] @ parts.W_1, split.W_s[:, quick], split.W_s[:, slow] @ parts.W_2]),
+        L_s=L_s,
         neutral=resolved_inverse(parts.A_2, internal.uncertainty),
+        quick=(slice(len(parts.A_1), len(A_s) - len(parts.A_2)), split.quick[1]),
     )
 
 

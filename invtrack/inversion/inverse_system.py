@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -14,7 +14,7 @@ from invtrack.inversion.tracking_values import tracking_values
 from invtrack.linear.internal_dynamics import InternalDynamics, SplitDynamics, split_dynamics
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
+from invtrack.plans.two_sided import DrivenSystem, Part, Settled, TwoSidedSystem, settled_states
 from invtrack.plans.two_sided_problem import Driveable
 from invtrack.references.generator import Generator
 
@@ -68,7 +68,7 @@ class InverseSystem:
             if correction is None:
                 values = tracking_values(plant, x, x @ A, np.zeros((plant.n_outputs, len(A))))
             else:
-                values = _values(plant, split, x, correction.feedback @ x)
+                values = tracking_values(plant, x, x @ A, _shown(plant, split, x, correction.feedback @ x))
             parts.append(Part(A, values, x))
         T = np.vstack([form.C_star, split.L_s @ form.N, split.L_u @ form.N])
         return cls(plant, split, correction, TwoSidedSystem(parts[0], parts[1], T, len(form.C_star), split.neutral))
@@ -79,12 +79,37 @@ class InverseSystem:
         Z, highest = form.zeta.rows(generator.derivative), form.chi.rows(generator.derivative)
         drive, x = np.vstack([Z, highest]), form.P @ Z
         D_f, D_b = self.split.G_s @ drive, self.split.G_u @ drive
-        if self.correction is None:
-            forward, backward = self.system.forward.J, self.system.backward.J
-            values = tracking_values(self.plant, x, forward @ D_f + backward @ D_b + x @ generator.S, generator.R)
-        else:
-            values = _values(self.plant, self.split, x, highest + self.correction.feedforward @ drive)
-        return DrivenSystem(system=self.system, S=generator.S, D_f=D_f, D_b=D_b, X_w=values, J_w=x)
+        driven = self._driven(generator, (D_f, D_b), x, highest, drive)
+        parts = zip((self.split.A_s, self.split.A_u), (D_f, D_b), self.split.quick, strict=True)
+        P_f, P_b = (settled_states(A, D, generator.S, quick) for A, D, quick in parts)
+        if not (np.any(P_f) or np.any(P_b)):
+            return driven
+        slow = tuple(np.where(np.any(P, axis=1, keepdims=True), 0.0, D) for P, D in ((P_f, D_f), (P_b, D_b)))
+        held = self.system.forward.J @ P_f + self.system.backward.J @ P_b
+        return replace(
+            driven, settled=Settled(self._driven(generator, (slow[0], slow[1]), x + held, highest, drive, held), P_f, P_b)
+        )
+
+    def _driven(
+        self, generator: Generator, D: tuple[Array, Array], x: Array, highest: Array, drive: Array, held: Array | None = None
+    ) -> DrivenSystem:
+        """The system of z_f' = A_f z_f + D_f w, z_b' = A_b z_b + D_b w with the state J_f z_f + J_b z_b + x w.
+
+        Args:
+            generator: of y_d = R w, w' = S w.
+            D: D_f, D_b.
+            x: (n, q).
+            highest, drive: rows of chi_d, and of [zeta_d; chi_d].
+            held: what of x is a part of V eta (n, q).
+        """
+        forward, backward = self.system.forward.J, self.system.backward.J
+        rate, y = forward @ D[0] + backward @ D[1] + x @ generator.S, generator.R
+        if self.correction is not None:
+            v = self.correction.feedforward @ drive
+            v = v if held is None else v + self.correction.feedback @ held
+            y = _shown(self.plant, self.split, x, highest + v)
+        values = tracking_values(self.plant, x, rate, y)
+        return DrivenSystem(system=self.system, S=generator.S, D_f=D[0], D_b=D[1], X_w=values, J_w=x)
 
 
 def require_square(plant: SwitchedSystem, method: str) -> None:
@@ -117,8 +142,7 @@ def inverse_systems(
     return [known[id(split)] for split in splits]
 
 
-def _values(plant: StateSpace, split: SplitDynamics, x_rows: Array, y_r_rows: Array) -> Array:
-    """Rows of [x; u; y] from those of x and of chi_d + v."""
-    F, G, _ = split.internal.form.tracking_law()
-    u_rows = F @ x_rows + G @ y_r_rows
-    return np.vstack([x_rows, u_rows, plant.C @ x_rows + plant.D @ u_rows])
+def _shown(plant: StateSpace, split: SplitDynamics, x_rows: Array, chi_rows: Array) -> Array:
+    """Rows of y from those of x and of chi_d + v, which is y itself for outputs in which inputs show at once."""
+    direct = np.array(split.internal.form.orders) == 0
+    return np.where(direct[:, None], chi_rows, plant.C @ x_rows)

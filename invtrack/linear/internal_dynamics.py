@@ -82,6 +82,7 @@ class SplitDynamics:
         G_s, G_u: (n_s, rho + p) and (n_u, rho + p).
         W_s, W_u: (n_z, n_s) and (n_z, n_u).
         L_s, L_u: (n_s, n_z) and (n_u, n_z).
+        quick: which states of z_s and of z_u belong to zeros far beyond the plant's own modes, coupled with no others.
         neutral: of the zeros on the imaginary axis, where they are kept apart as the last n_c entries of z_s, the pseudoinverse of
             their block of A_s (n_c, n_c); see `TwoSidedSystem`.
     """
@@ -95,6 +96,7 @@ class SplitDynamics:
     W_u: Array
     L_s: Array
     L_u: Array
+    quick: tuple[slice, slice]
     neutral: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @cached_property
@@ -184,11 +186,13 @@ def split_dynamics(system: StateSpace, *, endless: bool = True) -> SplitDynamics
 def split_by(internal: InternalDynamics, stable: Callable[[complex], bool]) -> SplitDynamics:
     """Internal dynamics split into the part with the zeros for which `stable` holds and the rest; the two sets must not meet."""
     if internal.pencil is None:
-        parts = invariant_parts(internal.A_eta, stable)
+        parts, quick = invariant_parts(internal.A_eta, stable), (0, 0)
         drive = np.hstack([internal.A_zeta, internal.B_r])
         G_s, G_u = parts.L_1 @ drive, parts.L_2 @ drive
     else:
-        parts, G_s, G_u = internal.pencil.parts(stable)
+        found = internal.pencil.parts(stable)
+        parts, G_s, G_u, quick = found.parts, found.D_1, found.D_2, found.quick
+    n_s, n_u = len(parts.A_1), len(parts.A_2)
     return SplitDynamics(
         internal=internal,
         A_s=parts.A_1,
@@ -199,6 +203,7 @@ def split_by(internal: InternalDynamics, stable: Callable[[complex], bool]) -> S
         W_u=parts.W_2,
         L_s=parts.L_1,
         L_u=parts.L_2,
+        quick=(slice(n_s - quick[0], n_s), slice(n_u - quick[1], n_u)),
     )
 
 

@@ -72,13 +72,19 @@ class Propagator:
 
     @cached_property
     def eigenvalues(self) -> ComplexArray:
-        """Those of M (q,) [rad/s]."""
-        return np.linalg.eigvals(self.M).astype(complex)
+        """Those of M [rad/s], the ones that several groups share more than once."""
+        return np.concatenate([group.series.powers.eigenvalues for group in self._groups])
 
     @property
     def growth(self) -> float:
         """The largest real part of M's eigenvalues [1/s]; minus infinity without states."""
-        return max(group.series.powers.growth for group in self._groups)
+        return float(np.max(self.eigenvalues.real, initial=-math.inf))
+
+    @property
+    def lasting_pace(self) -> float:
+        """How fast [rad/s] exp(M t) changes beyond its first moments, in which modes die out within a radian of theirs."""
+        modes = self.eigenvalues
+        return float(np.max(np.abs(modes[np.abs(modes.real) < np.abs(modes.imag)]), initial=0.0))
 
     @cached_property
     def transposed(self) -> Propagator:

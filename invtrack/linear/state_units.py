@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from invtrack.arrays import Array, as_divisor
-from invtrack.linear.scaling import balancing_scale
+from invtrack.linear.scaling import balancing_scale, pace_of
 from invtrack.linear.state_space import StateSpace
 
 CLEAR = 1e-10
@@ -37,6 +37,12 @@ def plant_units(system: StateSpace) -> Array:
 def plant_pace(system: StateSpace) -> float:
     """How fast [rad/s] the loops through inputs and outputs are in whose units the couplings stand out most clearly."""
     return _clearest(system)[1]
+
+
+def own_pace(system: StateSpace) -> float:
+    """How fast a plant moves by itself [rad/s]: the size of A in units in which its states act on each other about equally."""
+    units = plant_units(system)
+    return min(float(np.linalg.norm(system.A * units / units[:, None], 2)), pace_of(system.A))
 
 
 @lru_cache(maxsize=64)

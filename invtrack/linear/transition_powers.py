@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, ComplexArray
 from invtrack.linear.scaling import balancing_scale
 
 NODE_ANGLE = 1 / 16
@@ -39,8 +39,8 @@ class TransitionPowers(Protocol):
         ...
 
     @property
-    def growth(self) -> float:
-        """The largest real part of M's eigenvalues [1/s]; minus infinity without states."""
+    def eigenvalues(self) -> ComplexArray:
+        """Those of M (q,) [rad/s]."""
         ...
 
     def digit(self, bit: int) -> Array:
@@ -66,9 +66,9 @@ class OwnPowers:
         return float(np.linalg.norm(self.matrix, 2)) if self.matrix.size else 0.0
 
     @cached_property
-    def growth(self) -> float:
-        """The largest real part of M's eigenvalues [1/s]."""
-        return float(np.max(np.linalg.eigvals(self.matrix).real, initial=-math.inf))
+    def eigenvalues(self) -> ComplexArray:
+        """Those of M (q,) [rad/s]."""
+        return np.linalg.eigvals(self.matrix).astype(complex)
 
     def digit(self, bit: int) -> Array:
         """exp(M h 2^bit)."""
@@ -95,9 +95,9 @@ class TransposedPowers:
         return self._powers.pace
 
     @property
-    def growth(self) -> float:
-        """The largest real part of M's eigenvalues [1/s]."""
-        return self._powers.growth
+    def eigenvalues(self) -> ComplexArray:
+        """Those of M' (q,) [rad/s]."""
+        return self._powers.eigenvalues
 
     def digit(self, bit: int) -> Array:
         """exp(M'h 2^bit)."""
@@ -126,9 +126,9 @@ class DrivenPowers:
         return max(self._A.pace, self._S.pace)
 
     @property
-    def growth(self) -> float:
-        """The largest real part of A's and S's eigenvalues [1/s]."""
-        return max(self._A.growth, self._S.growth)
+    def eigenvalues(self) -> ComplexArray:
+        """Those of A and S (n + q,) [rad/s]."""
+        return np.concatenate([self._A.eigenvalues, self._S.eigenvalues])
 
     def digit(self, bit: int) -> Array:
         """exp([A D; 0 S] h 2^bit)."""

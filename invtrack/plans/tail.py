@@ -24,6 +24,17 @@ AT_REST = 1e-12
 """A reference's state that changes by less than this share of its terms holds still."""
 
 
+LOW_DEGREE = 20
+"""States of a reference's generator up to which it may make polynomials, but none that change much within a piece of theirs."""
+
+
+def generator_pace(S: Array) -> float:
+    """How fast a reference w' = S w changes [rad/s], S (q, q): polynomials of a low degree count as slow, however short."""
+    if len(S) > LOW_DEGREE:
+        return pace_of(S)
+    return float(np.max(np.abs(np.linalg.eigvals(S)), initial=0.0))
+
+
 @dataclass(frozen=True, eq=False)
 class Tail:
     """values = X exp(M sigma) v + X_w exp(direction S sigma) w at distance sigma >= 0 [s] from the edge of the manoeuvre.
@@ -62,6 +73,11 @@ class Tail:
     def pace(self) -> float:
         """How fast the values can change [rad/s]."""
         return max(pace_of(self.S), self.departure.pace if self.departs else 0.0)
+
+    @cached_property
+    def lasting_pace(self) -> float:
+        """How fast the values change beyond the first moments after the edge [rad/s]; see `Propagator.lasting_pace`."""
+        return max(generator_pace(self.S), self.departure.lasting_pace if self.departs else 0.0)
 
     @property
     def held(self) -> Array:

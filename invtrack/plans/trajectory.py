@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
@@ -30,6 +30,11 @@ class Segments(Protocol):
     @property
     def pace(self) -> float:
         """How fast the values can change [rad/s]."""
+        ...
+
+    @property
+    def lasting_pace(self) -> float:
+        """How fast they change where what dies out within a radian of its own is gone, away from both ends [rad/s]."""
         ...
 
     def values(self, number: Indices, since: Array, until: Array, rows: slice, resolution: float) -> Array:
@@ -76,6 +81,11 @@ class TwoSidedSegments:
         """How fast the values can change [rad/s]."""
         return self.driven.pace
 
+    @property
+    def lasting_pace(self) -> float:
+        """How fast they change away from both ends [rad/s]."""
+        return self.driven.lasting_pace
+
     def values(self, number: Indices, since: Array, until: Array, rows: slice, resolution: float) -> Array:
         """X_f z_f + X_w w, integrated from the start, plus X_b z_b, integrated from the end.
 
@@ -118,6 +128,11 @@ class PolynomialSegments:
     def pace(self) -> float:
         """How fast the values can change [rad/s]."""
         return float((self.coefficients.shape[1] - 1) / np.min(self.lengths, initial=np.inf))
+
+    @property
+    def lasting_pace(self) -> float:
+        """The same: nothing of a polynomial dies out."""
+        return self.pace
 
     def values(self, number: Indices, since: Array, until: Array, rows: slice, resolution: float) -> Array:
         """The polynomials' values, by Horner's scheme.
@@ -213,9 +228,16 @@ class Trajectory:
 
     def paces(self) -> Array:
         """How fast the values of each piece can change [rad/s], (m + 2,)."""
-        groups = np.array([segments.pace for segments in self.groups])
-        inner = groups[self.group] if len(self.group) else np.zeros(0)
-        return np.concatenate([[self.before.pace], inner, [self.after.pace]])
+        return self._of_pieces(self.before.pace, [segments.pace for segments in self.groups], self.after.pace)
+
+    def lasting_paces(self) -> Array:
+        """How fast the values of each piece change away from its ends [rad/s], (m + 2,)."""
+        return self._of_pieces(self.before.lasting_pace, [each.lasting_pace for each in self.groups], self.after.lasting_pace)
+
+    def _of_pieces(self, before: float, groups: Sequence[float], after: float) -> Array:
+        """For each piece, m + 2 in all, the pace of its group or tail."""
+        inner = np.array(groups)[self.group] if len(self.group) else np.zeros(0)
+        return np.concatenate([[before], inner, [after]])
 
     def derivative(self) -> Trajectory:
         """The time derivative, piece by piece."""

@@ -17,7 +17,10 @@ from invtrack.arrays import Array
 from invtrack.errors import InversionError
 from invtrack.linear.propagation import Propagator
 from invtrack.linear.scaling import pace_of
-from invtrack.plans.tail import Tail
+from invtrack.plans.tail import Tail, generator_pace
+
+QUICKER = 10.0
+"""Quick states follow a reference almost at once if they are this often as fast."""
 
 RESONANCE = 1e-12
 """A mode of the reference within this share of the norms of both matrices of an eigenvalue coincides with it."""
@@ -122,6 +125,7 @@ class DrivenSystem:
         S: generator of the reference (q, q).
         D_f, D_b: what drives each part, (n_f, q) and (n_b, q).
         X_w, J_w: X_w w is the reference's share of the values and J_w w of what is continuous through a jump, (r, q) and (m, q).
+        settled: the same with quick states measured from where the reference holds them, if there are such.
         made: its propagators, shared by systems that differ in their values only.
     """
 
@@ -131,6 +135,7 @@ class DrivenSystem:
     D_b: Array
     X_w: Array
     J_w: Array
+    settled: Settled | None = None
     made: list[Propagator] = field(default_factory=list, repr=False)
 
     @property
@@ -146,9 +151,15 @@ class DrivenSystem:
         """How fast the values change [rad/s]."""
         return max(pace_of(self.S), *(propagator.pace for propagator in self.system.propagators))
 
+    @cached_property
+    def lasting_pace(self) -> float:
+        """How fast the values change beyond the first moments next to both ends [rad/s]; see `Propagator.lasting_pace`."""
+        return max(generator_pace(self.S), *(propagator.lasting_pace for propagator in self.system.propagators))
+
     def in_units(self, forward: float, backward: float, system: TwoSidedSystem) -> DrivenSystem:
         """The same, `system` being this one's in these units."""
-        return replace(self, system=system, D_f=self.D_f / forward, D_b=self.D_b / backward, made=[])
+        settled = None if self.settled is None else self.settled.in_units(forward, backward, system)
+        return replace(self, system=system, D_f=self.D_f / forward, D_b=self.D_b / backward, settled=settled, made=[])
 
     def steady(self) -> tuple[Array, Array]:
         """z_f = steady_f w and z_b = steady_b w (., q), bounded where the reference runs on for ever: equilibria where it holds.
@@ -202,6 +213,34 @@ class DrivenSystem:
         forward, backward = self.system.forward, self.system.backward
         system = replace(self.system, forward=replace(forward, X=M @ forward.X), backward=replace(backward, X=M @ backward.X))
         return replace(self, system=system, X_w=M @ self.X_w)
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """A driven system in the coordinates z_f - P_f w and z_b - P_b w, where z = P w is what the reference makes of quick states.
+
+    Those follow the reference almost at once. What they make of it in the values, say an input that grows with the square of their
+    pace, is the difference of terms that are larger by as much; measured from P w they die out right next to a breakpoint, and
+    nothing is left that cancels.
+
+    P_f, P_b: (n_f, q) and (n_b, q), zero but for the rows of quick states.
+    """
+
+    driven: DrivenSystem
+    P_f: Array
+    P_b: Array
+
+    def in_units(self, forward: float, backward: float, system: TwoSidedSystem) -> Settled:
+        """The same, with z_f and z_b in other units; `system`: in these."""
+        return Settled(self.driven.in_units(forward, backward, system), self.P_f / forward, self.P_b / backward)
+
+
+def settled_states(A: Array, D: Array, S: Array, quick: slice) -> Array:
+    """P (n, q) with z = P w in the quick states of z' = A z + D w, w' = S w; zero for the others, and where S is about as fast."""
+    P = np.zeros_like(D)
+    if np.any(D[quick]) and QUICKER * pace_of(S) < float(np.min(np.abs(np.linalg.eigvals(A[quick, quick])))):
+        P[quick] = _steady(A[quick, quick], D[quick], S)
+    return P
 
 
 def drive_units(driven: Sequence[DrivenSystem]) -> tuple[float, float]:

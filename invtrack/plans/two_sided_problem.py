@@ -245,19 +245,27 @@ def two_sided_trajectory(pieces: Pieces, z_f: Array, z_b: Array, first_b: Array,
     w_start, w_end = pieces.w_start[1:-1], pieces.w_end[1:-1]
 
     def segments(number: int, chosen: Indices) -> TwoSidedSegments:
-        driven = pieces.driven[number]
+        driven, P_f, P_b = shown[number]
         q, n_f, n_b = len(driven.S), driven.system.forward.size, driven.system.backward.size
+        w_s, w_e = w_start[chosen, :q], w_end[chosen, :q]
         return TwoSidedSegments(
-            driven,
-            np.hstack([z_f[chosen, :n_f], w_start[chosen, :q]]),
-            np.hstack([z_b[chosen, :n_b], w_end[chosen, :q]]),
+            driven, np.hstack([z_f[chosen, :n_f] - w_s @ P_f.T, w_s]), np.hstack([z_b[chosen, :n_b] - w_e @ P_b.T, w_e])
         )
 
-    before, after = pieces.driven[pieces.which[0]], pieces.driven[pieces.which[-1]]
+    shown = [_shown(driven) for driven in pieces.driven]
+    (before, _, P_b), (after, P_f, _) = shown[pieces.which[0]], shown[pieces.which[-1]]
+    w_first, w_last = pieces.anchor(0), pieces.anchor(-1)
     return grouped(
         pieces.breakpoints,
         pieces.which[1:-1],
         segments,
-        before.tail_before(pieces.anchor(0), first_b),
-        after.tail_after(pieces.anchor(-1), last_f),
+        before.tail_before(w_first, first_b - P_b @ w_first),
+        after.tail_after(w_last, last_f - P_f @ w_last),
     )
+
+
+def _shown(driven: DrivenSystem) -> tuple[DrivenSystem, Array, Array]:
+    """The system from which values are to be read, and what of w is to be taken from z_f and z_b for it."""
+    if driven.settled is not None:
+        return driven.settled.driven, driven.settled.P_f, driven.settled.P_b
+    return driven, np.zeros_like(driven.D_f), np.zeros_like(driven.D_b)
