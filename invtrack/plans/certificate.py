@@ -7,24 +7,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from invtrack.arguments import instance
-from invtrack.arrays import Array, Indices, real_vector
+from invtrack.arrays import Array, real_vector
 from invtrack.errors import PlanError
 from invtrack.linear.state_sizes import comparable_size, unit_ratios, with_idle_sizes
+from invtrack.linear.state_units import own_pace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.trajectory import Trajectory
+from invtrack.plans.windows import windows
 from invtrack.references.signal import PiecewiseSignal
 
-PANEL_ANGLE = 1.0
-"""Largest panel length times the norm of a piece's fastest dynamics; 10 Gauss points are then exact to rounding."""
-
-PANELS_PER_PIECE = 200
-"""Panels checked per piece at most, spread evenly over it, its ends among them."""
+WINDOWS_PER_PIECE = 200
+"""Windows checked between the ends of a piece at most, spread evenly over it."""
 
 EQUATIONS_PER_PIECE = 20_000
-"""Equations checked per piece at most: with more states on fewer panels, though never on fewer than FEWEST_PANELS."""
+"""Equations checked per piece at most: with more states in fewer windows, though never in fewer than FEWEST_WINDOWS."""
 
-FEWEST_PANELS = 40
-"""Panels checked per piece of a plant with however many states, where its dynamics are so fast that these do not cover it."""
+FEWEST_WINDOWS = 40
+"""Windows checked per piece of a plant with however many states, where they do not cover it."""
+
+ROUNDING = 32.0
+"""How many units in their last place the terms of a state's change may be off: far above all that is left of them nothing is known
+better than these."""
 
 ACCURACY = 1e-8
 """Largest residual of a plan, relative to its size, with which it is handed out."""
@@ -35,16 +38,16 @@ CANCELLED = 1e-5
 TIME_STEPS = 32.0
 """How many units in their last place times, and what is carried as far, may be off: far out nothing is known better than these."""
 
-TOTAL_PANELS = 20_000
-"""Panels checked in all, at most; beyond, pieces are skipped evenly."""
-
 
 @dataclass(frozen=True)
 class Certificate:
     """How well a planned trajectory meets its conditions, measured from its values alone, not from how it was found.
 
-    dynamics_residual: largest |x(b) - x(a) - integral of A x + B u| over panels, relative to each state's peak, less what a state
-    moves in the time by which a and b, as numbers, may be off.
+    dynamics_residual: largest |x(b) - x(a) - integral of A x + B u| over windows as long as the motion is slow, and over the short
+    panels that they are made up of where it is fast, relative to each state's size, less what a state moves in the time by which a
+    and b, as numbers, may be off, and less the rounding of the terms of the integral; also how far a state would drift away from
+    rest within the manoeuvre's length, by A x + B u there. The size of a state is its peak, or what its terms could move it by
+    within half a window, of half a radian of the plant's own at most, if that is more.
     output_error: largest sum of |C x + D u - wanted output| and |planned y - (C x + D u)|, relative to the peak of the wanted
     motion.
     continuity: largest jump of a state at a breakpoint (beyond that of the rest it is measured from), relative to its peak.
@@ -90,64 +93,73 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     span = tuple(real_vector("span [s]", span, ["start", "end"], error=PlanError).tolist())
     if span[1] <= span[0]:  # at rest throughout: nothing happens in no time, so look on both sides of it
         span = (span[0] - 1.0, span[1] + 1.0)
-    panels_per_piece = min(PANELS_PER_PIECE, max(FEWEST_PANELS, EQUATIONS_PER_PIECE // model.n_states))
-    starts, ends, piece = _panels(trajectory, model.switch_times, span, panels_per_piece)
+    paces = np.array(model.map(own_pace))
+    per_piece = min(WINDOWS_PER_PIECE, max(FEWEST_WINDOWS, EQUATIONS_PER_PIECE // model.n_states))
+    over = windows(trajectory, model.switch_times, paces, span, per_piece)
+    starts, ends, piece = over.starts, over.ends, over.piece
     nodes, weights = np.polynomial.legendre.leggauss(10)
     n, m, p = model.n_states, model.n_inputs, model.n_outputs
     times = (starts[:, None] + ends[:, None]) / 2 + (ends - starts)[:, None] / 2 * nodes
     inner = trajectory(times.ravel(), np.repeat(piece, len(nodes))).reshape(len(piece), len(nodes), -1)
     x_start, x_end = (trajectory(times, piece, slice(n)) for times in (starts, ends))
-    number = model.numbers[model.interval((starts + ends) / 2)]
-    change, moved = np.empty((len(piece), n)), np.empty((len(piece), n))
-    resolution = TIME_STEPS * np.spacing(np.maximum(np.abs(starts), np.abs(ends)))
+    interval = model.interval((starts + ends) / 2)
+    number = model.numbers[interval]
+    change, fastest, total = np.empty((len(piece), n)), np.empty((len(piece), n)), np.empty((len(piece), n))
     planned = np.empty((len(piece), len(nodes), p))
-    size, rate = np.max(np.abs(inner[:, :, :n]), axis=(0, 1)), np.zeros(n)
+    size, unit = np.max(np.abs(inner[:, :, :n]), axis=(0, 1)), 1 / np.maximum(paces[interval], np.finfo(float).tiny)
     for k in np.unique(number).tolist():
         system, chosen = model.distinct[k], number == k
         x, u = inner[chosen, :, :n], inner[chosen, :, n : n + m]
         planned[chosen] = x @ system.C.T + u @ system.D.T
-        half = (ends - starts)[chosen, None] / 2
-        change[chosen] = np.einsum("mgi,g->mi", x @ system.A.T + u @ system.B.T, weights) * half
-        # A state that stays zero because large terms cancel is measured against those terms.
+        shares = weights * (ends - starts)[chosen, None] / 2
+        change[chosen] = np.einsum("mgi,mg->mi", x @ system.A.T + u @ system.B.T, shares)
         terms = np.abs(x) @ np.abs(system.A).T + np.abs(u) @ np.abs(system.B).T
-        moved[chosen] = resolution[chosen, None] * np.max(terms, axis=1)
-        size, rate = np.maximum(size, np.max(terms * half[:, :, None], axis=(0, 1))), np.maximum(rate, np.max(terms, axis=(0, 1)))
+        total[chosen], fastest[chosen] = np.einsum("mgi,mg->mi", terms, shares), np.max(terms, axis=1)
+    # A state that stays zero because large terms cancel is measured against those terms.
+    first, last = over.first, over.last
+    lengths = (ends[last] - starts[first])[over.owner]
+    size = np.maximum(size, np.max(fastest * np.minimum(lengths, unit)[:, None] / 2, axis=0))
     size = comparable_size(size, unit_ratios(model))  # of a plant at rest elsewhere, velocities are rounding
-    size = with_idle_sizes(size, rate, model)
+    size = with_idle_sizes(size, np.max(fastest, axis=0), model)
     size = np.where(size > 0, size, 1.0)
+    moved = TIME_STEPS * np.spacing(np.maximum(np.abs(starts), np.abs(ends)))[:, None] * np.max(fastest, axis=1, keepdims=True)
     wanted = reference(times.ravel()).reshape(len(piece), len(nodes), p)
     wanted_size = np.max(np.abs(wanted), axis=(0, 1))
     # A channel that is to stay still is measured against what the states could make of it, and so is one in which they cancel.
     possible = np.max([np.abs(system.C) @ np.where(np.isfinite(size), size, 0.0) for system in model.distinct], axis=0)
     wanted_size = np.where(wanted_size > 0, np.maximum(wanted_size, CANCELLED * possible), np.where(possible > 0, possible, 1.0))
     return Certificate(
-        dynamics_residual=float(np.max(np.maximum(np.abs(x_end - x_start - change) - moved, 0.0) / size)),
+        dynamics_residual=max(
+            _missed(x_end - x_start - change, total, moved, size),
+            _missed(
+                x_end[last] - x_start[first] - np.add.reduceat(change, first),
+                np.add.reduceat(total, first),
+                np.maximum.reduceat(moved, first),
+                size,
+            ),
+            _drift(model, trajectory, size),
+        ),
         output_error=float(np.max((np.abs(planned - wanted) + np.abs(inner[:, :, n + m :] - planned)) / wanted_size)),
         continuity=_continuity(model, trajectory, size),
         rest_residual=_rest_residual(trajectory, span, size),
     )
 
 
-def _panels(trajectory: Trajectory, switch_times: Array, span: tuple[float, float], per_piece: int) -> tuple[Array, Array, Indices]:
-    """Starts, ends and pieces of the panels, `per_piece` at most, none of which crosses a breakpoint or a switch time."""
-    inner = trajectory.breakpoints
-    first, last = min(span[0], inner[0]), max(span[1], inner[-1])
-    edges = np.concatenate([[first], np.union1d(inner, switch_times[(switch_times > first) & (switch_times < last)]), [last]])
-    piece = trajectory.locate((edges[:-1] + edges[1:]) / 2)
-    fastest = trajectory.paces()
-    stride = max(1, len(piece) // (TOTAL_PANELS // 10))
-    starts, ends, owners = [], [], []
-    for j in range(0, len(edges) - 1, stride):
-        length = edges[j + 1] - edges[j]
-        if length <= 0:
-            continue
-        panel = min(length, PANEL_ANGLE / max(float(fastest[piece[j]]), np.finfo(float).tiny))
-        count = int(min(np.ceil(length / panel), per_piece))
-        first = edges[j] + (length - panel) * np.linspace(0.0, 1.0, count)
-        starts.append(first)
-        ends.append(np.minimum(first + panel, edges[j + 1]))
-        owners.append(np.full(count, piece[j]))
-    return np.concatenate(starts), np.concatenate(ends), np.concatenate(owners)
+def _missed(miss: Array, terms: Array, moved: Array, size: Array) -> float:
+    """The largest of what states miss (k, n), less what may be rounding of the terms (k, n) and of times, as a share of size."""
+    return float(np.max(np.maximum(np.abs(miss) - ROUNDING * np.finfo(float).eps * terms - moved, 0.0) / size))
+
+
+def _drift(model: SwitchedSystem, trajectory: Trajectory, size: Array) -> float:
+    """How far the states would drift within the manoeuvre's length from the rests that hold before and after it."""
+    n, m, found = model.n_states, model.n_inputs, 0.0
+    length = trajectory.breakpoints[-1] - trajectory.breakpoints[0]
+    for system, tail in ((model.systems[0], trajectory.before), (model.systems[-1], trajectory.after)):
+        if tail.holds_still:
+            x, u = tail.held[:n], tail.held[n : n + m]
+            terms = np.abs(system.A) @ np.abs(x) + np.abs(system.B) @ np.abs(u)
+            found = max(found, _missed(length * (system.A @ x + system.B @ u)[None], length * terms[None], np.zeros((1, 1)), size))
+    return found
 
 
 def _continuity(model: SwitchedSystem, trajectory: Trajectory, size: Array) -> float:

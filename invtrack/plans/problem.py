@@ -118,6 +118,12 @@ class PlanningProblem:
             trajectory, (start, end), self.tolerance, (self.max_preactuation, None if lasting else self.max_postactuation)
         )
         postactuation = 0.0 if lasting else postactuation
+        if not np.isfinite(preactuation + postactuation):
+            raise PlanError(
+                f"the plan by {method} does not come to rest: modes of it lie so close to the imaginary axis that rounding has put "
+                "one on the side on which it does not die out; limit the preactuation and the postactuation (max_preactuation, "
+                "max_postactuation), move such zeros (invtrack.modified_inversion), or damp what moves there"
+            )
         certificate = certify(self.plant, trajectory, self.deviation, (start - preactuation, end + postactuation))
         if exact is not None and self.asks_for_motion:
             certificate.require(exact=exact, method=method)
