@@ -16,7 +16,7 @@ from pathlib import Path
 import tyro
 
 from tests.random_draws.calls import call_outcome
-from tests.random_draws.outcomes import KINDS, Kind, Outcome, counted, plant_outcome, switched_outcome
+from tests.random_draws.outcomes import KINDS, Kind, Outcome, counted, plant_outcome, switched_outcome, wide_outcome
 
 REFUSED_AT_MOST = 1e-3
 """Largest share of the draws that are solvable by a margin which may be refused."""
@@ -28,6 +28,7 @@ class Draws:
 
     Args:
         plants: how many plants.
+        wide: how many plants with more inputs than outputs.
         switched: how many switched plants.
         calls: how many malformed calls.
         seed: starts the sequences.
@@ -37,6 +38,7 @@ class Draws:
     """
 
     plants: int = 10_000
+    wide: int = 200
     switched: int = 1_000
     calls: int = 10_000
     seed: int = 0
@@ -45,7 +47,12 @@ class Draws:
     json: Path | None = None
 
 
-SEQUENCES: dict[str, Callable[[int, int], Outcome]] = {"plants": plant_outcome, "switched": switched_outcome, "calls": call_outcome}
+SEQUENCES: dict[str, Callable[[int, int], Outcome]] = {
+    "plants": plant_outcome,
+    "wide": wide_outcome,
+    "switched": switched_outcome,
+    "calls": call_outcome,
+}
 
 
 def main(arguments: list[str] | None = None) -> int:

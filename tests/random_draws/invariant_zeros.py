@@ -48,7 +48,7 @@ class Judgement:
 def judged(plant: Matrices) -> Judgement:
     """The judgement of a square plant."""
     size = float(np.linalg.norm(np.block([[plant.A, plant.B], [plant.C, plant.D]]), 2))
-    reduced, highest, gap = _without_infinite_zeros(plant, size)
+    reduced, highest, gap = without_infinite_zeros(plant, size)
     none = np.zeros(0)
     if reduced is None:
         return Judgement("degenerate" if gap else "band", none.astype(complex), none, highest)
@@ -63,8 +63,8 @@ def judged(plant: Matrices) -> Judgement:
     return Judgement(verdict, zeros, resolved, highest)
 
 
-def _without_infinite_zeros(plant: Matrices, size: float) -> tuple[Matrices | None, int, bool]:
-    """The plant with its finite zeros alone and invertible feedthrough, or None where its pencil is singular.
+def without_infinite_zeros(plant: Matrices, size: float) -> tuple[Matrices | None, int, bool]:
+    """The plant with its finite zeros alone and feedthrough of full row rank, or None where no input makes every output move.
 
     Each step holds what the outputs without feedthrough show at zero, and makes outputs of its derivatives. Also how many steps,
     and whether every rank on the way was clear.
@@ -72,12 +72,12 @@ def _without_infinite_zeros(plant: Matrices, size: float) -> tuple[Matrices | No
     A, B, C, D = plant.A, plant.B, plant.C, plant.D
     p, steps, clear = plant.p, 0, True
     while True:
-        U, rank, certain = _compressed(D, size)
+        U, rank, certain = compressed(D, size)
         clear &= certain
         if rank == len(D):
             return (Matrices(A, B, C, D), steps, clear) if rank == p else (None, steps, clear)
         C, D = U.T @ C, (U.T @ D)[:rank]
-        V, seen, certain = _compressed(C[rank:].T, size)
+        V, seen, certain = compressed(C[rank:].T, size)
         clear &= certain
         if seen < len(C) - rank:  # an output, or a combination of outputs and derivatives, that is always zero
             return None, steps, clear
@@ -87,7 +87,7 @@ def _without_infinite_zeros(plant: Matrices, size: float) -> tuple[Matrices | No
         A = hidden.T @ A @ hidden
 
 
-def _compressed(M: Array, size: float) -> tuple[Array, int, bool]:
+def compressed(M: Array, size: float) -> tuple[Array, int, bool]:
     """U orthogonal, and the rank r of M, with U'M zero below its first r rows; whether the rank is clear by the margin."""
     if not M.size:
         return np.eye(len(M)), 0, True
@@ -110,3 +110,12 @@ def _finite_zeros(plant: Matrices, size: float) -> tuple[ComplexArray, Array]:
     lengths = np.linalg.norm(left, axis=0) * np.linalg.norm(right, axis=0)
     error = EPS * (size + np.abs(zeros)) * lengths / np.maximum(coupling, np.finfo(float).tiny)
     return np.asarray(zeros, dtype=complex), np.asarray(error)
+
+
+def conditioned_modes(A: Array, size: float) -> tuple[ComplexArray, Array]:
+    """Eigenvalues of A (k, k), and what an error of eps of `size` in it makes of each."""
+    if not A.size:
+        return np.zeros(0, dtype=complex), np.zeros(0)
+    values, left, right = scipy.linalg.eig(A, left=True, right=True)
+    coupling = np.abs(np.einsum("ik,ik->k", left.conj(), right))
+    return np.asarray(values, dtype=complex), EPS * size / np.maximum(coupling, np.finfo(float).tiny)

@@ -14,9 +14,11 @@ from invtrack.errors import InvtrackError
 from invtrack.inversion.exact import invert
 from tests.random_draws.invariant_zeros import judged
 from tests.random_draws.jump_conditions import judged_jumps
+from tests.random_draws.least_inputs import HiddenMotions, gain
 from tests.random_draws.plants import drawn_plant
 from tests.random_draws.shooting import contradiction
 from tests.random_draws.switched_plants import drawn_jumps
+from tests.random_draws.wide_plants import drawn_wide_plant
 
 WRONG = 1e-6
 """A plan is wrong where the independent integration contradicts it by more than this share of the terms' size."""
@@ -79,6 +81,24 @@ def plant_outcome(seed: int, number: int) -> Outcome:
         plan = invert(drawn.model, drawn.reference)
         found = contradiction(plan, [drawn.unit], np.zeros(0), drawn.units, zeros=judgement.zeros)
         return ("plan right", "", found.worst) if found.worst <= WRONG else ("plan wrong", str(found), found.worst)
+
+    kind, detail, worst = judged_attempt(attempt, judgement.verdict)
+    return Outcome(number, drawn.family, kind, detail, worst, time.perf_counter() - begin)
+
+
+def wide_outcome(seed: int, number: int) -> Outcome:
+    """Draw a plant with more inputs than outputs, plan its exact inverse of least input, judge what comes."""
+    begin = time.perf_counter()
+    drawn = drawn_wide_plant(seed, number)
+    motions = HiddenMotions.of(drawn.unit)
+    judgement = judged(drawn.unit) if motions is None else motions.judgement(drawn.weight)
+
+    def attempt() -> tuple[Kind, str, float]:
+        plan = invert(drawn.model, drawn.reference, R=drawn.R)
+        found = contradiction(plan, [drawn.unit], np.zeros(0), drawn.units, zeros=judgement.zeros)
+        saved = gain(plan, drawn.unit, drawn.units, drawn.weight, judgement.zeros)
+        worst = max(found.worst, saved)
+        return ("plan right", "", worst) if worst <= WRONG else ("plan wrong", f"{found}, gain={saved}", worst)
 
     kind, detail, worst = judged_attempt(attempt, judgement.verdict)
     return Outcome(number, drawn.family, kind, detail, worst, time.perf_counter() - begin)

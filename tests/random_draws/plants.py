@@ -33,7 +33,7 @@ class Matrices:
 
     @property
     def p(self) -> int:
-        """Number of inputs, and of outputs."""
+        """Number of outputs, and of inputs where there are not more."""
         return len(self.D)
 
     def turned(self, T: Array) -> Matrices:

@@ -15,10 +15,12 @@ from tests.linear.random_plants import assert_same_set, block, plant_with
 from tests.random_draws.calls import attempted
 from tests.random_draws.command import broken_bounds, table
 from tests.random_draws.invariant_zeros import Judgement, judged
-from tests.random_draws.outcomes import WRONG, Outcome, plant_outcome, switched_outcome
+from tests.random_draws.least_inputs import HiddenMotions, gain
+from tests.random_draws.outcomes import WRONG, Outcome, plant_outcome, switched_outcome, wide_outcome
 from tests.random_draws.plants import Matrices, Units, drawn_plant
 from tests.random_draws.shooting import Contradiction, contradiction
 from tests.random_draws.valid_calls import Call, public_doors, valid_calls
+from tests.random_draws.wide_plants import drawn_wide_plant
 
 NONMINIMUM_PHASE = Matrices(*(np.array(M) for M in ([[0.0, 1.0], [-2.0, -3.0]], [[0.0], [1.0]], [[1.0, -1.0]], [[0.0]])))
 """(1 - s) / (s^2 + 3 s + 2): a zero at 1."""
@@ -34,6 +36,24 @@ def matrices(system: StateSpace) -> Matrices:
 def test_a_plan_is_right_and_a_refusal_has_its_reason(number: int) -> None:
     outcome = plant_outcome(7, number)
     assert outcome.kind in ("plan right", "refused, no solution", "refused, in the band"), outcome
+
+
+@pytest.mark.parametrize("number", range(8))
+def test_a_plan_of_least_input_is_right_and_a_refusal_has_its_reason(number: int) -> None:
+    outcome = wide_outcome(7, number)
+    assert outcome.kind in ("plan right", "refused, no solution", "refused, in the band"), outcome
+
+
+def test_inputs_that_are_not_the_least_are_seen() -> None:
+    """A plan that is right for another weight of the inputs."""
+    drawn = drawn_wide_plant(7, 1)
+    motions = HiddenMotions.of(drawn.unit)
+    assert motions is not None
+    zeros = motions.judgement(drawn.weight).zeros
+    dearer = np.linspace(1.0, 1.1, len(drawn.R))
+    plan, other = (invert(drawn.model, drawn.reference, R=R) for R in (drawn.R, drawn.R * np.outer(dearer, dearer)))
+    assert gain(plan, drawn.unit, drawn.units, drawn.weight, zeros) < 1e-8
+    assert gain(other, drawn.unit, drawn.units, drawn.weight, zeros) > 1e-3
 
 
 @pytest.mark.parametrize(("number", "kind"), [(5816, "plan right"), (9456, "plan right"), (5699, "refused, no solution")])
