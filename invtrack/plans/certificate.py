@@ -13,7 +13,7 @@ from invtrack.linear.state_sizes import comparable_size, unit_ratios, with_idle_
 from invtrack.linear.state_units import own_pace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.trajectory import Trajectory
-from invtrack.plans.windows import windows
+from invtrack.plans.windows import Windows, windows
 from invtrack.references.signal import PiecewiseSignal
 
 WINDOWS_PER_PIECE = 200
@@ -37,6 +37,9 @@ CANCELLED = 1e-5
 
 TIME_STEPS = 32.0
 """How many units in their last place times, and what is carried as far, may be off: far out nothing is known better than these."""
+
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(10)
 
 
 @dataclass(frozen=True)
@@ -93,56 +96,104 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
     span = tuple(real_vector("span [s]", span, ["start", "end"], error=PlanError).tolist())
     if span[1] <= span[0]:  # at rest throughout: nothing happens in no time, so look on both sides of it
         span = (span[0] - 1.0, span[1] + 1.0)
-    paces = np.array(model.map(own_pace))
     per_piece = min(WINDOWS_PER_PIECE, max(FEWEST_WINDOWS, EQUATIONS_PER_PIECE // model.n_states))
-    over = windows(trajectory, model.switch_times, paces, span, per_piece)
-    starts, ends, piece = over.starts, over.ends, over.piece
-    nodes, weights = np.polynomial.legendre.leggauss(10)
-    n, m, p = model.n_states, model.n_inputs, model.n_outputs
-    times = (starts[:, None] + ends[:, None]) / 2 + (ends - starts)[:, None] / 2 * nodes
-    inner = trajectory(times.ravel(), np.repeat(piece, len(nodes))).reshape(len(piece), len(nodes), -1)
-    x_start, x_end = (trajectory(times, piece, slice(n)) for times in (starts, ends))
-    interval = model.interval((starts + ends) / 2)
-    number = model.numbers[interval]
-    change, fastest, total = np.empty((len(piece), n)), np.empty((len(piece), n)), np.empty((len(piece), n))
-    planned = np.empty((len(piece), len(nodes), p))
-    size, unit = np.max(np.abs(inner[:, :, :n]), axis=(0, 1)), 1 / np.maximum(paces[interval], np.finfo(float).tiny)
-    for k in np.unique(number).tolist():
-        system, chosen = model.distinct[k], number == k
-        x, u = inner[chosen, :, :n], inner[chosen, :, n : n + m]
-        planned[chosen] = x @ system.C.T + u @ system.D.T
-        shares = weights * (ends - starts)[chosen, None] / 2
-        change[chosen] = np.einsum("mgi,mg->mi", x @ system.A.T + u @ system.B.T, shares)
-        terms = np.abs(x) @ np.abs(system.A).T + np.abs(u) @ np.abs(system.B).T
-        total[chosen], fastest[chosen] = np.einsum("mgi,mg->mi", terms, shares), np.max(terms, axis=1)
-    # A state that stays zero because large terms cancel is measured against those terms.
-    first, last = over.first, over.last
-    lengths = (ends[last] - starts[first])[over.owner]
-    size = np.maximum(size, np.max(fastest * np.minimum(lengths, unit)[:, None] / 2, axis=0))
-    size = comparable_size(size, unit_ratios(model))  # of a plant at rest elsewhere, velocities are rounding
-    size = with_idle_sizes(size, np.max(fastest, axis=0), model)
-    size = np.where(size > 0, size, 1.0)
-    moved = TIME_STEPS * np.spacing(np.maximum(np.abs(starts), np.abs(ends)))[:, None] * np.max(fastest, axis=1, keepdims=True)
-    wanted = reference(times.ravel()).reshape(len(piece), len(nodes), p)
-    wanted_size = np.max(np.abs(wanted), axis=(0, 1))
-    # A channel that is to stay still is measured against what the states could make of it, and so is one in which they cancel.
-    possible = np.max([np.abs(system.C) @ np.where(np.isfinite(size), size, 0.0) for system in model.distinct], axis=0)
-    wanted_size = np.where(wanted_size > 0, np.maximum(wanted_size, CANCELLED * possible), np.where(possible > 0, possible, 1.0))
+    over = windows(trajectory, model.switch_times, np.array(model.map(own_pace)), span, per_piece)
+    found = _Integrated.over(model, trajectory, over)
+    size = found.state_sizes(model)
     return Certificate(
-        dynamics_residual=max(
-            _missed(x_end - x_start - change, total, moved, size),
-            _missed(
-                x_end[last] - x_start[first] - np.add.reduceat(change, first),
-                np.add.reduceat(total, first),
-                np.maximum.reduceat(moved, first),
-                size,
-            ),
-            _drift(model, trajectory, size),
-        ),
-        output_error=float(np.max((np.abs(planned - wanted) + np.abs(inner[:, :, n + m :] - planned)) / wanted_size)),
+        dynamics_residual=max(found.missed(size), _drift(model, trajectory, size)),
+        output_error=found.output_error(model, reference, size),
         continuity=_continuity(model, trajectory, size),
         rest_residual=_rest_residual(trajectory, span, size),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Integrated:
+    """The plant's equations along a trajectory, integrated over panels.
+
+    Args:
+        windows: of panels.
+        times: Gauss points (k, 10) [s].
+        change: x at the end of each panel less x at its start (k, n).
+        rates, terms: integrals of A x + B u, and of |A| |x| + |B| |u|, over each (k, n).
+        fastest: the latter at its largest within each (k, n).
+        peaks: of the states (n,).
+        left: what each window's x at its end differs by from that at its start (w, n).
+        outputs, claimed: C x + D u, and the trajectory's own y (k, 10, p).
+    """
+
+    windows: Windows
+    times: Array
+    change: Array
+    rates: Array
+    terms: Array
+    fastest: Array
+    peaks: Array
+    left: Array
+    outputs: Array
+    claimed: Array
+
+    @classmethod
+    def over(cls, model: SwitchedSystem, trajectory: Trajectory, windows: Windows) -> _Integrated:
+        """Along a trajectory over all of its windows."""
+        n, m = model.n_states, model.n_inputs
+        starts, ends, piece = windows.starts, windows.ends, windows.piece
+        half, middle = (ends - starts) / 2, (starts + ends) / 2
+        times = middle[:, None] + half[:, None] * NODES
+        values = trajectory(times.ravel(), np.repeat(piece, len(NODES))).reshape(*times.shape, -1)
+        x_start, x_end = (trajectory(edges, piece, slice(n)) for edges in (starts, ends))
+        rates, terms, fastest = (np.empty((len(piece), n)) for _ in range(3))
+        outputs, number = np.empty((*times.shape, model.n_outputs)), model.numbers[model.interval(middle)]
+        for k in np.unique(number).tolist():
+            system, chosen = model.distinct[k], number == k
+            x, u = values[chosen, :, :n], values[chosen, :, n : n + m]
+            outputs[chosen] = x @ system.C.T + u @ system.D.T
+            sizes = np.abs(x) @ np.abs(system.A).T + np.abs(u) @ np.abs(system.B).T
+            shares = WEIGHTS * half[chosen, None]
+            rates[chosen] = np.einsum("kgi,kg->ki", x @ system.A.T + u @ system.B.T, shares)
+            terms[chosen], fastest[chosen] = np.einsum("kgi,kg->ki", sizes, shares), np.max(sizes, axis=1)
+        return cls(
+            windows=windows,
+            times=times,
+            change=x_end - x_start,
+            rates=rates,
+            terms=terms,
+            fastest=fastest,
+            peaks=np.max(np.abs(values[:, :, :n]), axis=(0, 1)),
+            left=x_end[windows.last] - x_start[windows.first],
+            outputs=outputs,
+            claimed=values[:, :, n + m :],
+        )
+
+    def state_sizes(self, model: SwitchedSystem) -> Array:
+        """What each state is to be measured against (n,): that of one that stays zero because large terms cancel is theirs."""
+        starts, ends = self.windows.starts, self.windows.ends
+        lengths = (ends[self.windows.last] - starts[self.windows.first])[self.windows.owner]
+        radian = 1 / np.maximum(np.array(model.map(own_pace))[model.interval((starts + ends) / 2)], np.finfo(float).tiny)
+        size = np.maximum(self.peaks, np.max(self.fastest * np.minimum(lengths, radian)[:, None] / 2, axis=0))
+        size = comparable_size(size, unit_ratios(model))  # of a plant at rest elsewhere, velocities are rounding
+        size = with_idle_sizes(size, np.max(self.fastest, axis=0), model)
+        return np.where(size > 0, size, 1.0)
+
+    def missed(self, size: Array) -> float:
+        """The largest share of their size (n,) that states miss over a panel, or over a window."""
+        first, ends = self.windows.first, np.maximum(np.abs(self.windows.starts), np.abs(self.windows.ends))
+        moved = TIME_STEPS * np.spacing(ends)[:, None] * self.fastest
+        rates, terms = np.add.reduceat(self.rates, first), np.add.reduceat(self.terms, first)
+        return max(
+            _missed(self.change - self.rates, self.terms, moved, size),
+            _missed(self.left - rates, terms, np.maximum.reduceat(moved, first), size),
+        )
+
+    def output_error(self, model: SwitchedSystem, reference: PiecewiseSignal, size: Array) -> float:
+        """Largest distance of C x + D u from the wanted output and from the trajectory's own; size (n,) of the states."""
+        wanted = reference(self.times.ravel()).reshape(self.outputs.shape)
+        asked = np.max(np.abs(wanted), axis=(0, 1))
+        # A channel that is to stay still is measured against what the states could make of it, and so is one in which they cancel.
+        possible = np.max([np.abs(system.C) @ np.where(np.isfinite(size), size, 0.0) for system in model.distinct], axis=0)
+        against = np.where(asked > 0, np.maximum(asked, CANCELLED * possible), np.where(possible > 0, possible, 1.0))
+        return float(np.max((np.abs(self.outputs - wanted) + np.abs(self.claimed - self.outputs)) / against))
 
 
 def _missed(miss: Array, terms: Array, moved: Array, size: Array) -> float:
