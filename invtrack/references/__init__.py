@@ -12,6 +12,7 @@ from invtrack.references.exosystem import (
 from invtrack.references.profiles import autonomous, constant, piecewise_polynomial, raised_cosine, rest_to_rest
 from invtrack.references.reference_file import load_reference
 from invtrack.references.reference_report import ReferenceReport, reference_report
+from invtrack.references.s_curve import s_curve
 from invtrack.references.samples import sampled_reference
 from invtrack.references.signal import PiecewiseSignal, stack
 from invtrack.references.smoothing import smoothed_reference
@@ -29,6 +30,7 @@ __all__ = [
     "raised_cosine",
     "reference_report",
     "rest_to_rest",
+    "s_curve",
     "sampled_reference",
     "sinusoidal_exosystem",
     "smoothed_reference",

@@ -181,6 +181,16 @@ def _calls() -> dict[str, Call]:
         "slowest_flexible_period": call(linear.slowest_flexible_period, system=model),
         # references
         "rest_to_rest": call(invtrack.rest_to_rest, start=0.0, end=1.0, duration=1.0, smoothness=2, start_time=0.0),
+        "s_curve": call(
+            references.s_curve,
+            start=0.0,
+            end=1.0,
+            max_jerk=8.0,
+            duration=None,
+            max_velocity=2.0,
+            max_acceleration=4.0,
+            start_time=0.0,
+        ),
         "raised_cosine": call(invtrack.raised_cosine, peak=1.0, period=1.0, cycles=1, start_time=0.0),
         "constant": call(references.constant, value=1.0, at=0.0),
         "autonomous": call(references.autonomous, S=[[0.0]], R=[[1.0]], w_0=[1.0], start=0.0, end=1.0),
