@@ -3,8 +3,8 @@
     plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
 
 Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `references`, `plans`, `inversion`,
-`redesign`, `regulation`, `control`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`, `sweeps`,
-`testing`, `command`.
+`redesign`, `regulation`, `control`, `baselines`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`,
+`sweeps`, `testing`, `command`.
 
 Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, and the papers in it.
 """
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from invtrack.errors import InvtrackError
 
 if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
+    from invtrack import baselines as baselines
     from invtrack import command as command
     from invtrack import control as control
     from invtrack import figures as figures
@@ -139,6 +140,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
         "lqr",
         "place",
     ),
+    "baselines": (),
     "simulation": ("LinearPlant", "Sensor", "simulate"),
     "results": ("RunResult", "max_error", "metrics", "read_log", "residual_vibration"),
     "learning": ("iterate",),

@@ -30,6 +30,7 @@ ROOMS: dict[str, set[str]] = {
     "redesign": {"linear", "references", "plans", "inversion", "clarabel", *THEORY},
     "regulation": {"linear", "references", "plans", "inversion", *THEORY},
     "control": {"linear", "references", "plans", "regulation", *THEORY},
+    "baselines": {"linear", "references", "plans", "inversion", "control", *THEORY},
     "plant": {"linear", "plans", "mujoco", "numba", "llvmlite", *THEORY},
     "results": {"linear", "references", "plans"},
     "learning": {"references", "plans", "results"},

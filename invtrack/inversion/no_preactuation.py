@@ -119,7 +119,7 @@ class _SteadyState:
     """A two-sided system without states: the reference's share is all there is."""
 
     def __init__(self, plant: StateSpace) -> None:
-        self._held = np.vstack([_steady_state(plant), np.eye(plant.n_outputs)])
+        self._held = np.vstack([quasi_static(plant, 1)[0], np.eye(plant.n_outputs)])
         none = Part.empty(len(self._held), 0)
         self.system = TwoSidedSystem(none, none, np.zeros((0, 0)))
 
@@ -129,8 +129,13 @@ class _SteadyState:
         return DrivenSystem(self.system, generator.S, nothing, nothing, self._held @ generator.R, nothing)
 
 
-def _steady_state(system: StateSpace) -> Array:
-    """[x; u] (n + p, p) that holds each output at one: A x + B u = 0, C x + D u = 1."""
+def quasi_static(system: StateSpace, terms: int) -> Array:
+    """[x; u] (terms, n + p, p) of a slow motion: [x; u] = sum over i of entry i times y^(i), the first one the steady state.
+
+    A X_0 + B U_0 = 0, C X_0 + D U_0 = 1, and A X_i + B U_i = X_(i-1), C X_i + D U_i = 0 from then on.
+
+    Raises InversionError where some output cannot be held (a zero at s = 0).
+    """
     pencil = np.block([[system.A, system.B], [system.C, system.D]])
     n, p = system.n_states, system.n_outputs
     try:
@@ -141,4 +146,7 @@ def _steady_state(system: StateSpace) -> Array:
         condition = np.inf
     if not condition < CONDITION_LIMIT:
         raise InversionError(f"the outputs {list(system.outputs.names)} cannot be held at constant values (a zero at s = 0)")
-    return np.asarray(inverse[:, n:])
+    found = [inverse[:, n:]]
+    for _ in range(terms - 1):
+        found.append(inverse[:, :n] @ found[-1][:n])
+    return np.array(found)

@@ -132,7 +132,7 @@ def _fastest(v: float, a: float, j: float) -> _Phases:
 def _smoothest(v: float, a: float, T: float) -> _Phases:
     """The phases of the motion of least jerk that takes T [s] within the limits on velocity and acceleration."""
     least = 1 / v + v / a if v * v < a else 2 / math.sqrt(a)
-    if not T > least:
+    if least >= T:
         raise TrajectoryError(
             f"duration must be more than the {least:.6g} s that the limits on velocity and acceleration take however large the "
             f"jerk, got {T} s; allow more time or raise the limits"

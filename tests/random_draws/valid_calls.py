@@ -18,6 +18,7 @@ from rich.console import Console
 
 import invtrack
 from invtrack import (
+    baselines,
     control,
     figures,
     inversion,
@@ -35,6 +36,7 @@ from invtrack import (
 from tests.synthetic_runs import two_mode_run
 
 ROOMS = (
+    "baselines",
     "control",
     "figures",
     "inversion",
@@ -123,6 +125,7 @@ def _calls() -> dict[str, Call]:
     sway = references.sinusoidal_exosystem([1.0], start=0.0, end=2 * np.pi)
     maps = invtrack.exosystem_map(model, sway)
     gains = invtrack.lqr(model, Q=1.0, R=1.0)
+    zv = baselines.shaper("ZV", [(3.0, 0.1)])
     run = invtrack.simulate(invtrack.LinearPlant(model), invtrack.TrackingController(plan, gains), timestep=0.05, end=12.0)
     vibrating = two_mode_run()
     rig = invtrack.Plant.from_xml(invtrack.model_path("cantilever"), inputs=["base_force"], outputs=["tip_position"])
@@ -390,6 +393,28 @@ def _calls() -> dict[str, Call]:
             seed=1,
             state_observer=luenberger,
             period=0.01,
+        ),
+        # baselines
+        "Shaper": call(baselines.Shaper, times=[0.0, 1.0], amplitudes=[0.5, 0.5], kind="own", modes=()),
+        "Shaper.shaped": call(zv.shaped, reference=slew),
+        "Shaper.after": call(zv.after, other=zv),
+        "shaper": call(baselines.shaper, kind="EI", modes=[(3.0, 0.1)], tolerance=0.05),
+        "residual_vibration_ratio": call(baselines.residual_vibration_ratio, shaper=zv, frequency=[1.0, 2.0], damping=0.1),
+        "insensitivity": call(baselines.insensitivity, shaper=zv, mode=(3.0, 0.1), level=0.05),
+        "flexible_modes": call(baselines.flexible_modes, model=model, gains=gains, interval=0, most_damping=0.5),
+        "base_servo": call(baselines.base_servo, model=model, position="x1", frequency=2.0, damping=0.7, input="u1"),
+        "feedback_tracking": call(
+            baselines.feedback_tracking,
+            model=model,
+            reference=slew,
+            gains=gains,
+            shaper=zv,
+            derivatives=1,
+            tolerance=1e-8,
+            max_postactuation=3.0,
+        ),
+        "approximate_inverse": call(
+            baselines.approximate_inverse, model=model, reference=slew, kind="ZPETC", hold=0.1, least_damping=0.01
         ),
         # simulation
         "LinearPlant": call(invtrack.LinearPlant, model=model, input_limits=[[-9.0, 9.0]], name="model"),
