@@ -21,9 +21,9 @@ RELATED = 1e-9
 def base_servo(model: Any, *, position: str, frequency: float, damping: float = 1.0, input: str | None = None) -> GainSchedule:
     """Gains of a PD servo that holds one position q by one input, and feeds back nothing else: u = u_0 - k_p (q - q_0) - k_d q'.
 
-    With all other states at zero the position follows q'' + 2 damping frequency q' + frequency^2 q = 0; in each interval of a model
-    that switches for its own mass. What hangs on the base shakes it, so the poles of the whole loop are others: `flexible_modes`
-    says which.
+    From rest the input accelerates the position by q'' = b u. A mass of 1 / b alone would follow q'' + 2 damping frequency q' +
+    frequency^2 q = 0: k_p = frequency^2 / b and k_d = 2 damping frequency / b, in each interval of a model that switches. What hangs
+    on the base shakes it, so the poles of the whole loop are others: `flexible_modes` says which.
 
     A controller with these gains around a plan is the servo with a command. `feedback_tracking(model, reference, gains=servo)` is
     the plan of the command that is the position wanted, `shaper=` of the same command shaped; around the plan by `invert` the same
@@ -57,8 +57,7 @@ def base_servo(model: Any, *, position: str, frequency: float, damping: float = 
                 f"the input {names[by]!r} does not drive the position {position!r}; name the input that does, or another position"
             )
         K = np.zeros((system.n_inputs, system.n_states))
-        K[by, at] = (w * w / system.A[at, rate] + system.A[rate, at]) / b
-        K[by, rate] = (2 * zeta * w + system.A[rate, rate]) / b
+        K[by, at], K[by, rate] = w * w / (system.A[at, rate] * b), 2 * zeta * w / b
         return K
 
     return per_interval(plant, gain)

@@ -17,6 +17,7 @@ from invtrack.inversion.inverse_system import require_square
 from invtrack.inversion.no_preactuation import quasi_static
 from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.linear.state_space import StateSpace
+from invtrack.linear.state_units import plant_units
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.plan import Plan
 from invtrack.plans.problem import PlanningProblem
@@ -120,15 +121,16 @@ def _loops(plant: SwitchedSystem, gains: list[Array], derivatives: int) -> list[
 
 
 class _Loop:
-    """x' = (A - B K) x + B v, u = -K x + v, v = sum of V_i c^(i): a two-sided system with a forward part alone."""
+    """x' = (A - B K) x + B v, u = -K x + v, v = sum of V_i c^(i): a two-sided system with a forward part alone, z = x / units."""
 
     def __init__(self, plant: StateSpace, K: Array, derivatives: int) -> None:
-        n = plant.n_states
+        n, self.units = plant.n_states, plant_units(plant)
         self.plant = plant
         self.V = [term[n:] + K @ term[:n] for term in quasi_static(plant, derivatives + 1)]
         rows = np.vstack([np.eye(n), -K, plant.C - plant.D @ K])
-        forward = Part(plant.A - plant.B @ K, rows, np.eye(n))
-        self.system = TwoSidedSystem(forward, Part.empty(len(rows), n), np.eye(n))
+        A = (plant.A - plant.B @ K) * self.units / self.units[:, np.newaxis]
+        forward = Part(A, rows * self.units, np.diag(self.units))
+        self.system = TwoSidedSystem(forward, Part.empty(len(rows), n), np.diag(1 / self.units))
 
     def driven(self, generator: Generator) -> DrivenSystem:
         """The loop for commands c = R w, w' = S w."""
@@ -137,7 +139,7 @@ class _Loop:
         return DrivenSystem(
             system=self.system,
             S=generator.S,
-            D_f=self.plant.B @ v,
+            D_f=self.plant.B @ v / self.units[:, np.newaxis],
             D_b=np.zeros((0, q)),
             X_w=np.vstack([np.zeros((n, q)), v, self.plant.D @ v]),
             J_w=np.zeros((n, q)),
