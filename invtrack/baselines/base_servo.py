@@ -22,8 +22,8 @@ def base_servo(model: Any, *, position: str, frequency: float, damping: float = 
     """Gains of a PD servo that holds one position q by one input, and feeds back nothing else: u = u_0 - k_p (q - q_0) - k_d q'.
 
     From rest the input accelerates the position by q'' = b u. A mass of 1 / b alone would follow q'' + 2 damping frequency q' +
-    frequency^2 q = 0: k_p = frequency^2 / b and k_d = 2 damping frequency / b, in each interval of a model that switches. What hangs
-    on the base shakes it, so the poles of the whole loop are others: `flexible_modes` says which.
+    frequency^2 q = 0: k_p = frequency^2 / b and k_d = 2 damping frequency / b, in each interval of a model that switches. What
+    hangs on the base shakes it, so the poles of the whole loop are others: `flexible_modes` says which.
 
     A controller with these gains around a plan is the servo with a command. `feedback_tracking(model, reference, gains=servo)` is
     the plan of the command that is the position wanted, `shaper=` of the same command shaped; around the plan by `invert` the same

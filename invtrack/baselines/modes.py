@@ -52,6 +52,7 @@ def flexible_modes(
     Raises ControlError for gains that do not fit, an interval that there is none of, and a mode that grows.
     """
     plant = as_switched(model)
+    limit = finite_number("most_damping", most_damping, error=ControlError)
     number = whole_number("interval", interval, highest=len(plant) - 1, error=ControlError)
     system, A = plant.systems[number], plant.systems[number].A
     if gains is not None:
@@ -68,11 +69,7 @@ def flexible_modes(
         raise ControlError(
             f"a mode at {growing[0]:.4g} rad/s grows, so no shaper can leave it at rest; stabilize it with feedback first (gains=)"
         )
-    found = [
-        Mode(float(abs(s)), max(0.0, float(zeta)))
-        for s, zeta in zip(oscillating, damping, strict=True)
-        if zeta <= finite_number("most_damping", most_damping, error=ControlError)
-    ]
+    found = [Mode(float(abs(s)), max(0.0, float(zeta))) for s, zeta in zip(oscillating, damping, strict=True) if zeta <= limit]
     return tuple(sorted(found))
 
 
@@ -84,7 +81,7 @@ def _gain(gains: GainSchedule | ArrayLike, switch_times: Array, number: int) -> 
 
 
 def as_modes(modes: Sequence[tuple[float, float]]) -> tuple[Mode, ...]:
-    """Modes from pairs of a frequency [rad/s] and a damping ratio. Raises ControlError for anything else, and for none."""
+    """Modes from pairs of a frequency [rad/s] and a damping ratio, in range. Raises ControlError for anything else."""
     listed = items("modes", modes, expected="a list of pairs (frequency [rad/s], damping ratio)", error=ControlError)
     found = []
     for number, pair in enumerate(listed):
@@ -100,6 +97,4 @@ def as_modes(modes: Sequence[tuple[float, float]]) -> tuple[Mode, ...]:
                 f"and {damping}"
             )
         found.append(Mode(frequency, damping))
-    if not found:
-        raise ControlError("expected at least one mode (frequency [rad/s], damping ratio) to shape the command for, got none")
     return tuple(found)

@@ -9,8 +9,9 @@ from functools import reduce
 from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from invtrack.arguments import instance, one_of
+from invtrack.arguments import instance, one_of, require_text
 from invtrack.arrays import Array, real_numbers, require_share
 from invtrack.baselines.extra_insensitive import extra_insensitive
 from invtrack.baselines.modes import Mode, as_modes
@@ -26,11 +27,11 @@ ORDERS = {"ZV": 1, "ZVD": 2, "ZVDD": 3}
 SUM_TOLERANCE = 1e-12
 """By how much amplitudes may miss the sum 1."""
 
-MOST_IMPULSES = 4096
+MOST_IMPULSES = 1024
 """Impulses of a cascade at most."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Shaper:
     """Impulses at times t_i with amplitudes A_i that add up to one: it makes sum of A_i c(t - t_i) of a command c.
 
@@ -45,20 +46,27 @@ class Shaper:
 
     times: Array
     amplitudes: Array
-    kind: str = "shaper"
-    modes: tuple[Mode, ...] = ()
+    kind: str
+    modes: tuple[Mode, ...]
 
-    def __post_init__(self) -> None:
-        times, amplitudes = (real_numbers(name, getattr(self, name), error=ControlError) for name in ("times", "amplitudes"))
+    def __init__(
+        self, times: ArrayLike, amplitudes: ArrayLike, kind: str = "shaper", modes: Sequence[tuple[float, float]] = ()
+    ) -> None:
+        times, amplitudes = (
+            real_numbers("times", times, error=ControlError),
+            real_numbers("amplitudes", amplitudes, error=ControlError),
+        )
         if times.ndim != 1 or not len(times) or times.shape != amplitudes.shape:
             raise ControlError(f"expected as many times (k,) as amplitudes (k,), got shapes {times.shape} and {amplitudes.shape}")
         if times[0] != 0 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
             raise ControlError(f"times of impulses must be finite and increase from 0 on, got {times.tolist()}")
         if not np.all(np.isfinite(amplitudes)) or abs(np.sum(amplitudes) - 1) > SUM_TOLERANCE * np.sum(np.abs(amplitudes)):
             raise ControlError(f"amplitudes of impulses must add up to 1, got {amplitudes.tolist()}")
-        for name, value in (("times", times), ("amplitudes", amplitudes)):
+        for value in (times, amplitudes):
             value.setflags(write=False)
-            object.__setattr__(self, name, value)
+        made_for, kind = as_modes(modes), require_text("kind", kind, error=ControlError)
+        for name, entry in {"times": times, "amplitudes": amplitudes, "kind": kind, "modes": made_for}.items():
+            object.__setattr__(self, name, entry)
 
     @property
     def duration(self) -> float:
@@ -75,7 +83,7 @@ class Shaper:
     def after(self, other: Shaper) -> Shaper:
         """The convolution of both, which leaves at rest what either of them does.
 
-        Raises ControlError for what is no shaper, and where that makes more than 4096 impulses.
+        Raises ControlError for what is no shaper, and where that makes more than 1024 impulses.
         """
         instance("other", other, Shaper, expected='a Shaper, such as shaper("ZV", modes)', error=ControlError)
         if len(self.times) * len(other.times) > MOST_IMPULSES:
@@ -119,6 +127,8 @@ def shaper(kind: Kind, modes: Sequence[tuple[float, float]], *, tolerance: float
     one_of("kind", kind, get_args(Kind), error=ControlError)
     require_share("tolerance", tolerance, error=ControlError)
     single = [_for_mode(kind, mode, float(tolerance)) for mode in as_modes(modes)]
+    if not single:
+        raise ControlError("expected at least one mode (frequency [rad/s], damping ratio) to shape the command for, got none")
     return reduce(lambda earlier, later: later.after(earlier), single)
 
 

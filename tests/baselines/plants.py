@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 
 import numpy as np
@@ -28,7 +29,7 @@ def carrier(stiffness: tuple[float, float] = (40.0, 90.0), mass: float = 0.4, da
 def integrated(A: Array, force: Callable[[float], Array], x_0: Array, edges: list[float], t: Array) -> Array:
     """x (len(t), n) of x' = A x + force(t) from x_0 at edges[0], by an independent integrator that stops at each edge."""
     x, found = np.asarray(x_0, dtype=float), np.empty((len(t), len(x_0)))
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in itertools.pairwise(edges):
         chosen = (t >= a) & (t <= b)
         run = solve_ivp(lambda s, x: A @ x + force(s), (a, b), x, "DOP853", dense_output=True, rtol=1e-11, atol=1e-12)
         found[chosen], x = run.sol(t[chosen]).T, run.y[:, -1]
