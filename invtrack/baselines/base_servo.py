@@ -26,8 +26,8 @@ def base_servo(model: Any, *, position: str, frequency: float, damping: float = 
     hangs on the base shakes it, so the poles of the whole loop are others: `flexible_modes` says which.
 
     A controller with these gains around a plan is the servo with a command. `feedback_tracking(model, reference, gains=servo)` is
-    the plan of the command that is the position wanted, `shaper=` of the same command shaped; around the plan by `invert` the same
-    servo is commanded by the inverse.
+    the plan of the command that is the position wanted, with `command=` of the same command shaped; around the plan by `invert` the
+    same servo is commanded by the inverse.
 
     Args:
         model: StateSpace, SwitchedSystem, or anything with A, B, C, D, in which the rate of the position is a state, too.

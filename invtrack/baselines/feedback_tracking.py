@@ -1,4 +1,4 @@
-"""Following by feedback around the steady state of each wanted output, of its first derivatives, and of a shaped command."""
+"""Following by feedback around the steady state of each commanded output, and of its first derivatives."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arguments import instance
 from invtrack.arrays import Array, whole_number
-from invtrack.baselines.shaper import Shaper
 from invtrack.control.gains import GainSchedule
 from invtrack.errors import ControlError, InversionError, PlanError
 from invtrack.inversion.inverse_system import require_square
@@ -38,56 +36,51 @@ def feedback_tracking(
     reference: PiecewiseSignal,
     *,
     gains: GainSchedule | ArrayLike,
-    shaper: Shaper | None = None,
+    command: PiecewiseSignal | None = None,
     derivatives: int = 0,
     tolerance: float = 1e-10,
     max_postactuation: float | None = None,
 ) -> Plan:
-    """What the feedback u = u_c(t) - K (x - x_c(t)) makes of a command c, the reference itself or the reference shaped.
+    """What the feedback u = u_c(t) - K (x - x_c(t)) makes of a command c: of the reference itself, or of a shaped one.
 
     x_c = sum of X_i c^(i) and u_c = sum of U_i c^(i), i = 0 ... `derivatives`, are the state and input of a slow motion of the
     output along c. With `derivatives` = 0 they are the steady state of each wanted output, A X_0 + B U_0 = 0 and C X_0 + D U_0 = 1:
-    the law is then u = -K x + N c with a static gain N, which is LQR without preview where K = lqr(model), a profile under feedback
-    alone where K is a servo's. With 1 the velocity is fed forward, with 2 the acceleration: u_c is then what moves the mechanism if
-    it were rigid.
+    the law is then u = -K x + N c with a static gain N, which is LQR without preview where K = lqr(model), and a profile under
+    feedback alone where K is a servo's. With 1 the velocity is fed forward, with 2 the acceleration: u_c is then what would move
+    the mechanism if it were rigid.
 
     The plan is the motion x, u, y of the linear model under this law, from rest and not a moment before the command. A
-    TrackingController with the same gains around it is this law to the last bit, on any plant, since K x_ref + u_ff is K x_c + u_c.
-    It is not exact: `certificate.output_error` says by how much its y misses the reference, which is not the command where that is
-    shaped.
+    TrackingController with the same gains around it is this law, on any plant, since u_ff + K x_ref is u_c + K x_c. It is not
+    exact: `certificate.output_error` says by how much its y misses the reference, whatever the command was.
 
     Args:
         model: StateSpace, SwitchedSystem, or anything with A, B, C, D, with as many inputs as outputs.
-        reference: absolute, in the units of the outputs.
+        reference: the wanted output, absolute, in the units of the outputs.
         gains: as `lqr`, `place` and `base_servo` make them, or one gain K (m, n); their switch times may differ from the model's.
-        shaper: what the command is convolved with, the reference itself unless stated.
+        command: what the law is told to follow, such as `shaper(kind, modes).shaped(reference)`; the reference unless stated.
         derivatives: of the command that are fed forward, from 0 to 4. A jump of c, or of a derivative, makes the input jump.
         tolerance, max_postactuation: as for `invert`.
 
     Raises PlanError where the loop is not stable before or after the manoeuvre, ControlError for gains or derivatives that do not
-    fit, RelativeDegreeError for inputs left over, InversionError where an output cannot be held, TrajectoryError for a wrong number
-    of channels.
+    fit, RelativeDegreeError for inputs left over, InversionError where an output cannot be held, TrajectoryError for a reference or
+    a command with a wrong number of channels.
     """
     count = whole_number("derivatives", derivatives, highest=MOST_DERIVATIVES, error=ControlError)
     plant, schedule = _together(as_switched(model), gains)
     wanted = PlanningProblem.of(plant, reference, tolerance=tolerance, max_postactuation=max_postactuation)
+    told = wanted if command is None else PlanningProblem.of(plant, command, tolerance=tolerance)
     require_square(plant, "feedback_tracking")
-    command = wanted
-    if shaper is not None:
-        instance("shaper", shaper, Shaper, expected='a Shaper, such as shaper("ZV", modes)', error=ControlError)
-        command = PlanningProblem.of(plant, shaper.shaped(reference), tolerance=tolerance)
     loops = _loops(plant, schedule, count)
     for loop in (loops[0], loops[-1]):
         loop.require_stable()
     try:
-        trajectory = two_sided_problem(command, loops, shifts=plant.shifts).solve().trajectory()
+        trajectory = two_sided_problem(told, loops, shifts=plant.shifts).solve().trajectory()
     except InversionError as error:
         raise PlanError(
-            "the reference runs on for ever with a mode that is a pole of the loop, so that the response grows; change the mode or "
+            "the command runs on for ever with a mode that is a pole of the loop, so that the response grows; change the mode or "
             "the gains, or hold the output before and after the manoeuvre"
         ) from error
-    named = "feedback tracking" if shaper is None else f"feedback tracking of the command shaped by {shaper.kind}"
-    plan: Plan = wanted.plan(named, trajectory, exact=False)
+    plan: Plan = wanted.plan("feedback tracking", trajectory, exact=False)
     return replace(plan, remarks=(inexact(plan), *plan.remarks))
 
 

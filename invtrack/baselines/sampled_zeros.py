@@ -1,15 +1,15 @@
-"""The inverse of a sampled plant: what its zeros are, and the recursion of its states that follows a sampled output."""
+"""The inverse of a sampled plant: what its zeros are, and the states and held inputs that follow a sampled output."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 
 from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import PlanError
-from invtrack.linear.invariant_parts import invariant_parts
+from invtrack.linear.invariant_parts import InvariantParts, invariant_parts
 from invtrack.linear.propagation import zero_order_hold
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.state_units import plant_units
@@ -17,26 +17,30 @@ from invtrack.linear.state_units import plant_units
 NO_HOLD = 1e-14
 """What one hold does to the output, as a share of what it does to the states that the output shows: below, it does nothing."""
 
+REFINEMENTS = 2
+"""Where the input of one hold hardly moves the next sample, rounding is magnified: so often what is left of the equations is solved
+for again."""
+
 
 @dataclass(frozen=True, eq=False)
 class SampledInverse:
-    """x_(k+1) = A_z x_k + b y_(k + lead), u_k = (y_(k + lead) - f x_k) / g: the states and held inputs of which y_k is the output.
+    """What y_k asks of x_(k+1) = A_d x_k + B_d u_k, y_k = C x_k + D u_k: x_(k+1) = A_z x_k + (y), u_k = (y_(k + lead) - f x_k) / g.
 
-    From x_(k+1) = A_d x_k + B_d u_k, y_k = C x_k + D u_k, with f, g = C A_d, C B_d and lead 1, or C, D and lead 0 where the input
-    reaches the output at once. The eigenvalues of A_z = A_d - B_d f / g are the zeros, and `lead` times 0.
+    f = C A_d, g = C B_d and lead = 1, or f = C, g = D and lead = 0 where the input reaches the output at once. The eigenvalues of
+    A_z = A_d - B_d f / g are the zeros, and `lead` times 0.
 
     Args:
-        A_z, b, f, g, lead: (n, n), (n,), (n,), a number, 0 or 1.
-        zeros: of the sampled plant (n - lead,).
-        units: of the states in which A_z is to be taken apart (n,).
+        A_d, B_d, C: in `units` of the states, (n, n), (n,), (n,).
+        f, g, lead: (n,), a number, 0 or 1.
+        units: of the states (n,).
     """
 
-    A_z: Array
-    b: Array
+    A_d: Array
+    B_d: Array
+    C: Array
     f: Array
     g: float
     lead: int
-    zeros: ComplexArray
     units: Array
 
     @classmethod
@@ -46,39 +50,63 @@ class SampledInverse:
         Raises PlanError where the input of one hold does nothing to the next sample of the output.
         """
         units = plant_units(system)
-        A_d, B_d = zero_order_hold(system.A * units / units[:, np.newaxis], system.B / units[:, np.newaxis], hold)
-        C, feedthrough = (system.C * units)[0], float(system.D[0, 0])
-        lead = 0 if feedthrough else 1
-        f, g = (C @ A_d, float(C @ B_d[:, 0])) if lead else (C, feedthrough)
-        if not abs(g) > NO_HOLD * float(np.abs(C) @ np.abs(B_d[:, 0])):
+        A_d, B = zero_order_hold(system.A * units / units[:, np.newaxis], system.B / units[:, np.newaxis], hold)
+        B_d, C, D = B[:, 0], (system.C * units)[0], float(system.D[0, 0])
+        lead = 0 if D else 1
+        f, g = (C @ A_d, float(C @ B_d)) if lead else (C, D)
+        if not abs(g) > NO_HOLD * float(np.abs(C) @ np.abs(B_d)):
             raise PlanError(
                 f"an input held for {hold:.6g} s leaves the next sample of the output where it was, so the sampled plant has no "
                 "inverse; choose another hold"
             )
-        A_z = A_d - np.outer(B_d[:, 0], f / g)
-        zeros = np.linalg.eigvals(A_z).astype(complex)
-        if lead:
-            zeros = np.delete(zeros, np.argmin(np.abs(zeros)))
-        b = B_d[:, 0] / g
-        return cls(A_z, b, f, g, lead, zeros, units)
+        return cls(A_d, B_d, C, f, g, lead, units)
 
-    def followed(self, y: Array) -> tuple[Array, Array]:
-        """States x_k (m + 1, n) and inputs u_k (m,) whose output is y (m + lead,), from rest at 0 to rest at its last value.
+    @cached_property
+    def zero_dynamics(self) -> Array:
+        """A_z (n, n)."""
+        return self.A_d - np.outer(self.B_d, self.f / self.g)
+
+    @cached_property
+    def zeros(self) -> ComplexArray:
+        """Of the sampled plant (n - lead,)."""
+        values = np.linalg.eigvals(self.zero_dynamics).astype(complex)
+        return np.delete(values, np.argmin(np.abs(values))) if self.lead else values
+
+    @cached_property
+    def _parts(self) -> InvariantParts:
+        """Zeros in or on the unit circle, and those outside."""
+        return invariant_parts(self.zero_dynamics, lambda z: abs(z) <= 1)
+
+    def followed(self, y: Array, static: Array) -> tuple[Array, Array]:
+        """States x_k (m + 1, n) and inputs u_k (m,) whose output is y (m + 1,), from rest to rest.
+
+        The steady state X_0 y_k, U_0 y_k and what x_k, u_k are off it, which steps of y alone drive: where y rests, nothing is left
+        to rounding.
+
+        static: [X_0; U_0] (n + 1,), which holds the output at 1.
+        """
+        steps = np.diff(y)
+        x, u = np.outer(y, static[:-1] / self.units), static[-1] * y[:-1]
+        missed = np.outer(steps, -static[:-1] / self.units)  # A_d X_0 + B_d U_0 = X_0
+        for _ in range(1 + REFINEMENTS):
+            more_x, more_u = self._corrected(missed)
+            x, u = x + more_x, u + more_u
+            missed = x[:-1] @ self.A_d.T + np.outer(u, self.B_d) - x[1:]
+        return x * self.units, u
+
+    def _corrected(self, missed: Array) -> tuple[Array, Array]:
+        """x (m + 1, n) and u (m,) of x_(k+1) = A_d x_k + B_d u_k + missed_k that the output does not show.
 
         What belongs to zeros inside the unit circle runs forward from rest, what belongs to those outside backward from rest.
         """
-        parts = invariant_parts(self.A_z, lambda z: abs(z) <= 1)
-        driving = y[self.lead :]
-        drive_1, drive_2 = np.outer(driving, parts.L_1 @ self.b), np.outer(driving, parts.L_2 @ self.b)
-        m = len(driving)
-        z_1, z_2 = np.zeros((m + 1, len(parts.A_1))), np.zeros((m + 1, len(parts.A_2)))
+        seen = self.lead * (missed @ self.C) / self.g
+        parts, driving, m = self._parts, missed - np.outer(seen, self.B_d), len(missed)
+        forward, backward = driving @ parts.L_1.T, driving @ parts.L_2.T
+        z_1, z_2 = np.zeros((m + 1, forward.shape[1])), np.zeros((m + 1, backward.shape[1]))
         for k in range(m):
-            z_1[k + 1] = parts.A_1 @ z_1[k] + drive_1[k]
-        if len(parts.A_2):
-            unit = np.eye(len(parts.A_2))
-            z_2[m] = np.linalg.solve(unit - parts.A_2, drive_2[-1])
-            back = scipy.linalg.solve(parts.A_2, unit)
-            for k in range(m - 1, -1, -1):
-                z_2[k] = back @ (z_2[k + 1] - drive_2[k])
+            z_1[k + 1] = parts.A_1 @ z_1[k] + forward[k]
+        back = np.linalg.solve(parts.A_2, np.eye(len(parts.A_2)))
+        for k in range(m - 1, -1, -1):
+            z_2[k] = back @ (z_2[k + 1] - backward[k])
         x = z_1 @ parts.W_1.T + z_2 @ parts.W_2.T
-        return x * self.units, (driving - x[:-1] @ self.f) / self.g
+        return x, -(x[:-1] @ self.f) / self.g - seen

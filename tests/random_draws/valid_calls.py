@@ -408,7 +408,7 @@ def _calls() -> dict[str, Call]:
             model=model,
             reference=slew,
             gains=gains,
-            shaper=zv,
+            command=zv.shaped(slew),
             derivatives=1,
             tolerance=1e-8,
             max_postactuation=3.0,
