@@ -25,7 +25,7 @@ from invtrack.plans.trajectory import Trajectory, TwoSidedSegments
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 from invtrack.references.signal import PiecewiseSignal
 
-AT_REST = 1e-11
+AT_REST = 1e-13
 """Share of a departure from rest with which the plan ends."""
 
 MOST_HOLDS = 200_000
@@ -35,7 +35,7 @@ STILL = 1e-12
 """A reference holds still where its state changes by less than this share of the terms that make up the change."""
 
 
-def approximate_inverse(model: Any, reference: PiecewiseSignal, *, kind: Kind, hold: float, least_damping: float = 0.01) -> Plan:
+def approximate_inverse(model: Any, reference: PiecewiseSignal, *, kind: Kind, hold: float, least_damping: float = 1e-3) -> Plan:
     """The plan of a feedforward filter that inverts the sampled plant but for zeros that would make its input explode, or ring.
 
     The plant with its input held over each `hold` is z^-d B_s(z) B_u(z) / A(z), with B_s the zeros that are cancelled. With B_u
@@ -57,8 +57,9 @@ def approximate_inverse(model: Any, reference: PiecewiseSignal, *, kind: Kind, h
         reference: absolute, in the output's unit, from rest to rest; sampled at its start plus whole holds.
         kind: see above.
         hold: period of the zero-order hold [s].
-        least_damping: zeros inside the unit circle whose damping ratio (of log(z) / hold) is below this are not cancelled either:
-            what cancels them rings. "ZMETC" leaves them as they are, too.
+        least_damping: zeros inside the unit circle whose damping ratio (of log(z) / hold) is below this are not cancelled either,
+            as what cancels them rings: those near z = -1 that sampling itself makes. "ZMETC" leaves them as they are, too. A
+            mechanism's own zeros that are hardly damped had better be cancelled: uncancelled they raise all that is faster.
 
     Raises PlanError for a model that switches, an output that cannot be held, a reference that does not begin and end at rest, a
     number of holds beyond 200 000, and where rounding spoils the plan; RelativeDegreeError for other numbers of inputs and outputs.

@@ -17,9 +17,8 @@ from invtrack.linear.state_units import plant_units
 NO_HOLD = 1e-14
 """What one hold does to the output, as a share of what it does to the states that the output shows: below, it does nothing."""
 
-REFINEMENTS = 2
-"""Where the input of one hold hardly moves the next sample, rounding is magnified: so often what is left of the equations is solved
-for again."""
+REFINEMENTS = 1
+"""How often what rounding leaves of the equations is solved for again: much, where one hold hardly moves the next sample."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,14 +84,14 @@ class SampledInverse:
 
         static: [X_0; U_0] (n + 1,), which holds the output at 1.
         """
-        steps = np.diff(y)
-        x, u = np.outer(y, static[:-1] / self.units), static[-1] * y[:-1]
-        missed = np.outer(steps, -static[:-1] / self.units)  # A_d X_0 + B_d U_0 = X_0
+        X_0, U_0 = static[:-1] / self.units, static[-1]
+        driving = np.outer(np.diff(y), -X_0)  # as A_d X_0 + B_d U_0 = X_0
+        missed, x, u = driving, np.zeros((len(y), len(X_0))), np.zeros(len(driving))
         for _ in range(1 + REFINEMENTS):
             more_x, more_u = self._corrected(missed)
             x, u = x + more_x, u + more_u
-            missed = x[:-1] @ self.A_d.T + np.outer(u, self.B_d) - x[1:]
-        return x * self.units, u
+            missed = driving + x[:-1] @ self.A_d.T + np.outer(u, self.B_d) - x[1:]
+        return (np.outer(y, X_0) + x) * self.units, U_0 * y[:-1] + u
 
     def _corrected(self, missed: Array) -> tuple[Array, Array]:
         """x (m + 1, n) and u (m,) of x_(k+1) = A_d x_k + B_d u_k + missed_k that the output does not show.

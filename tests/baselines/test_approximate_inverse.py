@@ -13,9 +13,9 @@ import invtrack
 from invtrack.baselines import approximate_inverse
 from invtrack.errors import InversionError, PlanError, RelativeDegreeError
 from invtrack.linear import OperatingPoint
-from invtrack.references import autonomous, rest_to_rest
+from invtrack.references import autonomous, rest_to_rest, s_curve
 from tests.cited_plants import TWO_DISC_A, TWO_DISC_B, TWO_DISC_C
-from tests.ringing_plants import with_zeros
+from tests.ringing_plants import crane, with_zeros
 
 KINDS = ("NPZ-ignore", "ZPETC", "ZMETC")
 HOLD = 0.05
@@ -50,7 +50,7 @@ def not_cancelled(model: invtrack.StateSpace) -> np.ndarray[Any, Any]:
 @pytest.mark.parametrize("kind", KINDS)
 def test_samples_of_the_output_are_what_the_transfer_function_says(kind: Any, name: str) -> None:
     model = PLANTS[name]
-    plan, b = approximate_inverse(model, SLEW, kind=kind, hold=HOLD), not_cancelled(model)
+    plan, b = approximate_inverse(model, SLEW, kind=kind, hold=HOLD, least_damping=0.01), not_cancelled(model)
     k = np.arange(-40, 400)
     wanted = SLEW(k * HOLD)[:, 0]
     ahead = np.convolve(wanted, b)[len(b) - 1 :]  # B_u(z) y_d, for samples up to 400 - len(b)
@@ -134,6 +134,30 @@ def test_run_with_the_same_hold_it_is_what_was_planned() -> None:
         run = invtrack.simulate(invtrack.LinearPlant(model), controller, timestep=HOLD / 2, end=4.0)
         assert invtrack.max_error(run, wanted="planned_output") < 1e-10
         assert invtrack.max_error(run) > 1e-3
+
+
+def test_zeros_that_are_hardly_damped_are_cancelled_unless_told_otherwise() -> None:
+    """A crane's sway: the trolley is exact at the samples, and the input rings on; uncancelled, the input ends with the motion."""
+    model = crane(0.3)
+    plain, left = (approximate_inverse(model, SLEW, kind="NPZ-ignore", hold=HOLD, least_damping=z) for z in (1e-3, 0.1))
+    t = HOLD * np.arange(-10, 100)
+    assert np.max(np.abs(plain(t).y - SLEW(t))) < 1e-2 < np.max(np.abs(left(t).y - SLEW(t)))
+    assert left.end < 3.0 < 10.0 < plain.end
+    assert any("not cancelled" in remark for remark in left.remarks)
+
+
+def test_an_output_that_one_hold_hardly_moves() -> None:
+    """A load on a long rope, whose own inertia alone lets the drive reach it at once."""
+    d, J, m = 4.0, 0.3, 20.0  # rope [m], inertia [kg m^2] and mass [kg] of the load
+    M = np.array([[10.0 + m, -m * d], [-m * d, m * d * d + J]])
+    S, D = np.diag([0.0, m * 9.81 * d]), np.diag([5.0, 2.0])
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, S), -np.linalg.solve(M, D)]])
+    B = np.concatenate([np.zeros(2), np.linalg.solve(M, [1.0, 0.0])])[:, None]
+    model = invtrack.StateSpace(A, B, [[1.0, -d, 0.0, 0.0]])
+    for kind in KINDS:
+        plan = approximate_inverse(model, s_curve(0.0, 2.0, duration=8.0), kind=kind, hold=HOLD)
+        assert plan.certificate.continuity < np.finfo(float).eps / 2e-7  # a hold of a newton moves the load by 2e-7 m
+        assert plan.certificate.output_error < 1e-2
 
 
 def test_a_motion_between_places_that_are_held_by_inputs() -> None:
