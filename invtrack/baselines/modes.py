@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,8 @@ from invtrack.arguments import items
 from invtrack.arrays import Array, finite_number, real_numbers, whole_number
 from invtrack.control.gains import GainSchedule
 from invtrack.errors import ControlError
-from invtrack.linear.switched import OSCILLATION_TOLERANCE, as_switched
+from invtrack.linear.oscillation import oscillatory_eigenvalues
+from invtrack.linear.switched import as_switched
 
 NO_DAMPING = 1e-9
 """A negative damping ratio of this size is that of an undamped mode, rounded."""
@@ -60,9 +62,7 @@ def flexible_modes(
         if K.shape != (plant.n_inputs, plant.n_states):
             raise ControlError(f"gains have shape {K.shape}, expected {(plant.n_inputs, plant.n_states)} for this model")
         A = A - system.B @ K
-    values = np.linalg.eigvals(A)
-    fastest = float(np.max(np.abs(values)))
-    oscillating = values[values.imag > OSCILLATION_TOLERANCE * fastest]
+    oscillating = oscillatory_eigenvalues(replace(system, A=A))
     damping = -oscillating.real / np.abs(oscillating)
     growing = oscillating[damping < -NO_DAMPING]
     if len(growing):

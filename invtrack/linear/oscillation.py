@@ -1,4 +1,4 @@
-"""The slowest oscillation of a linear model, told from what rounding makes of modes that do not oscillate."""
+"""The oscillations of a linear model, told from what rounding makes of modes that do not oscillate."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, ComplexArray
 from invtrack.linear.pseudospectrum import Pseudospectrum
 from invtrack.linear.scaling import balancing_scale
 from invtrack.linear.state_space import StateSpace, as_state_space
@@ -17,6 +17,15 @@ ROUNDING = 1e-14
 
 def slowest_flexible_period(system: Any) -> float:
     """Period 2 pi / |Im s| [s] of the slowest oscillatory eigenvalue s of A; NaN where nothing oscillates.
+
+    See `oscillatory_eigenvalues`. system: StateSpace, or anything with A, B, C, D. Raises ModelError for anything else.
+    """
+    found = oscillatory_eigenvalues(system).imag
+    return float(2 * np.pi / found.min()) if found.size else float("nan")
+
+
+def oscillatory_eigenvalues(system: Any) -> ComplexArray:
+    """The eigenvalues of A (k,) [rad/s] that oscillate, one of each pair, with a positive imaginary part.
 
     A pair of eigenvalues oscillates where no change of A as small as its errors (its `error_estimates`, and rounding) joins the two
     on the real axis: a rigid body's double eigenvalue at zero is split by them to the root of their size, and of a body on which
@@ -30,8 +39,7 @@ def slowest_flexible_period(system: Any) -> float:
     A, errors = (matrix * scale / scale[:, None] for matrix in (system.A, errors))
     eigenvalues = np.linalg.eigvals(A)
     pairs = eigenvalues[eigenvalues.imag > 0]
-    flexible = pairs.imag[~Pseudospectrum(A).joins_real(pairs, float(np.linalg.norm(errors)))]
-    return float(2 * np.pi / flexible.min()) if flexible.size else float("nan")
+    return np.asarray(pairs[~Pseudospectrum(A).joins_real(pairs, float(np.linalg.norm(errors)))], dtype=complex)
 
 
 def _errors(system: StateSpace) -> Array:
