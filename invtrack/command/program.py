@@ -11,6 +11,7 @@ import tyro
 
 from invtrack.command.doctor import Doctor
 from invtrack.command.run import Run
+from invtrack.command.shipped_studies import ShippedStudy, run_study
 from invtrack.command.view import Compare, View
 from invtrack.command.zeros import Zeros
 from invtrack.errors import InvtrackError
@@ -20,6 +21,7 @@ Command = (
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
+    | Annotated[ShippedStudy, tyro.conf.subcommand("study")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )
 
@@ -38,6 +40,9 @@ def main(args: Sequence[str] | None = None) -> NoReturn:
         print(f"invtrack {version('invtrack')}")
         raise SystemExit(0)
     try:
+        if len(words) > 1 and words[0] == "study" and not words[1].startswith("-"):
+            run_study(words[1:])
+            raise SystemExit(0)
         command = tyro.cli(Command, prog="invtrack", description=DESCRIPTION, args=words)
         status = command.execute()
     except (InvtrackError, OSError) as error:

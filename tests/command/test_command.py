@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -97,6 +99,7 @@ def test_a_table_of_wanted_outputs(folder: Path) -> None:
         (["run", "crane.xml", "-y", "site:load:x"], "--move: expected one distance for each of site:load:x, got 0"),
         (["run", "crane.xml", "-y", "site:load:x", "--move", "1", "--set", "mass"], "--set: expected NAME=NUMBER"),
         (["run", "crane.xml", "-y", "site:load:x", "--move", "1", "--period", "fast"], "--period: expected a time such as 5ms"),
+        (["study", "nothing"], "there is no study 'nothing'; there are: "),
         (["compare", "nothing.rrd"], "nothing.rrd: expected a recording (.rrd) or a folder with some"),
     ],
 )
@@ -121,6 +124,17 @@ def test_the_doctor_finds_everything_in_order(capsys: pytest.CaptureFixture[str]
     found = json.loads(capsys.readouterr().out)
     assert all(result["works"] for result in found.values())
     assert "read back bit for bit" in found["recordings"]["finding"]
+
+
+def test_shipped_studies_are_listed_and_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert status_of("study") == 0
+    names = [line.partition(":")[0] for line in capsys.readouterr().out.splitlines()]
+    assert {"minimal", "cantilever_jumps", "hover_preactuation"} <= set(names)
+    words = ("--case", "feedforward_only", "--timestep", "1e-2", "--no-figures", "--json", "--out", "a")
+    ended = subprocess.run(
+        [sys.executable, "-m", "invtrack", "study", "minimal", *words], capture_output=True, text=True, check=True
+    )
+    assert json.loads(ended.stdout)["cases"]["feedforward_only"]["status"] == "completed"
 
 
 def test_words_of_options() -> None:
