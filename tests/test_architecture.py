@@ -58,7 +58,8 @@ ROOMS["__main__"] = {"command"}
 EVERYWHERE = {"arguments", "arrays", "channels", "errors", "files", "layout", "numpy"}
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}
 
-SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+SHIPPED = PACKAGE / "sims"  # a wheel carries the simulations, too, which are users of the rooms and none of them
+SOURCES = sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py" and SHIPPED not in path.parents)
 
 
 def room_of(path: Path) -> str:
