@@ -78,8 +78,9 @@ def windows(trajectory: Trajectory, switch_times: Array, plant_paces: Array, spa
     begin, finish, length, middle = edges[:-1], edges[1:], np.diff(edges), (edges[:-1] + edges[1:]) / 2
     piece = trajectory.locate(middle)
     interval = np.searchsorted(switch_times, middle, side="right")
+    slowest = PANEL_ANGLE / np.max(length)  # beyond the longest stretch nothing counts
     fine, coarse, radian = (
-        PANEL_ANGLE / np.maximum(paces, np.finfo(float).tiny)
+        PANEL_ANGLE / np.maximum(paces, slowest)
         for paces in (trajectory.paces()[piece], trajectory.lasting_paces()[piece], plant_paces[interval])
     )
     reach = np.maximum(np.minimum((inner[-1] - inner[0]) * SHARE_OF_MANOEUVRE / radian, MOST_RADIANS), 1.0) * radian

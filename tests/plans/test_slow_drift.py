@@ -95,5 +95,12 @@ def test_right_plans_through_jumps_keep_their_certificates() -> None:
     assert plan.certificate.worst(exact=True) < 1e-10
 
 
+@pytest.mark.parametrize("duration", [1e-3, 1e300])
+def test_a_plant_without_dynamics_of_its_own(duration: float) -> None:
+    """An integrator has no pace, and nothing overflows for it."""
+    plan = invert(StateSpace([[0.0]], [[1.0]], [[1.0]]), rest_to_rest(0.0, 1e4, duration))
+    assert plan.certificate.worst(exact=True) < 1e-12
+
+
 def replace_output(model: StateSpace, first: StateSpace) -> StateSpace:
     return StateSpace(model.A, model.B, first.C)
