@@ -56,6 +56,13 @@ def test_inputs_that_are_not_the_least_are_seen() -> None:
     assert gain(other, drawn.unit, drawn.units, drawn.weight, zeros) > 1e-3
 
 
+def test_a_plan_that_never_comes_to_rest_is_refused_for_that() -> None:
+    """Modes 3e-7 of the plant's pace from the axis, in pairs on both sides of it."""
+    outcome = wide_outcome(0, 250)
+    assert outcome.kind == "refused, in the band"
+    assert "does not come to rest" in outcome.detail
+
+
 @pytest.mark.parametrize(("number", "kind"), [(5816, "plan right"), (9456, "plan right"), (5699, "refused, no solution")])
 def test_draws_at_the_limits_of_rounding(number: int, kind: str) -> None:
     """Forces that reach the output through two springs hardly damped; inputs that depend on each other, behind 31 states."""
