@@ -31,11 +31,14 @@ AT_REST = 1e-13
 MOST_HOLDS = 200_000
 """Holds of a plan at most; each is a piece of its trajectory."""
 
+UNDAMPED = 1e-9
+"""A zero whose damping ratio is below this lies on the unit circle, rounded."""
+
 STILL = 1e-12
 """A reference holds still where its state changes by less than this share of the terms that make up the change."""
 
 
-def approximate_inverse(model: Any, reference: PiecewiseSignal, *, kind: Kind, hold: float, least_damping: float = 1e-3) -> Plan:
+def approximate_inverse(model: Any, reference: PiecewiseSignal, *, kind: Kind, hold: float, least_damping: float = 0.02) -> Plan:
     """The plan of a feedforward filter that inverts the sampled plant but for zeros that would make its input explode, or ring.
 
     The plant with its input held over each `hold` is z^-d B_s(z) B_u(z) / A(z), with B_s the zeros that are cancelled. With B_u
@@ -50,16 +53,16 @@ def approximate_inverse(model: Any, reference: PiecewiseSignal, *, kind: Kind, h
     each with the few samples of preview that it needs: the input begins that much before the reference does. Feedback around it
     changes nothing as long as the plant is the model's, so the same plan stands for the filter in front of a closed loop and for
     the one that adds to the plant's input. The plan's states are exact between samples, too: follow it with
-    TrackingController(plan, gains, period=hold).
+    TrackingController(plan, gains, period=hold), in a run that begins where it does or whole holds before.
 
     Args:
         model: StateSpace, or anything with A, B, C, D, with one input and one output.
         reference: absolute, in the output's unit, from rest to rest; sampled at its start plus whole holds.
         kind: see above.
         hold: period of the zero-order hold [s].
-        least_damping: zeros inside the unit circle whose damping ratio (of log(z) / hold) is below this are not cancelled either,
-            as what cancels them rings: those near z = -1 that sampling itself makes. "ZMETC" leaves them as they are, too. A
-            mechanism's own zeros that are hardly damped had better be cancelled: uncancelled they raise all that is faster.
+        least_damping: of zeros inside the unit circle in its left half, which sampling makes: those whose damping ratio (of
+            log(z) / hold) is below this are not cancelled either, as the input that cancels them rings from hold to hold. "ZMETC"
+            leaves them as they are, too. In the right half lie the mechanism's own; they are cancelled unless they are undamped.
 
     Raises PlanError for a model that switches, an output that cannot be held, a reference that does not begin and end at rest, a
     number of holds beyond 200 000, and where rounding spoils the plan; RelativeDegreeError for other numbers of inputs and outputs.
@@ -122,11 +125,11 @@ def _held_values(deviation: PiecewiseSignal) -> tuple[float, float]:
 
 
 def _not_cancelled(zeros: ComplexArray, hold: float, least_damping: float) -> NDArray[np.bool_]:
-    """Which zeros (k,) are not cancelled: those outside the unit circle, and those inside that are damped less than this."""
+    """Which zeros (k,) are not cancelled: those outside the unit circle or on it, and in its left half the hardly damped ones."""
     with np.errstate(divide="ignore"):  # a zero at 0 dies out at once
         rate = np.log(zeros) / hold
     damping = -rate.real / np.maximum(np.abs(rate), np.finfo(float).tiny)
-    return np.asarray(~(damping >= least_damping) & (zeros != 0))
+    return np.asarray(~(damping >= np.where(zeros.real < 0, least_damping, UNDAMPED)) & (zeros != 0))
 
 
 def _settling(kind: Kind, zeros: ComplexArray, kept: NDArray[np.bool_]) -> int:
