@@ -89,7 +89,7 @@ def approximate_inverse(model: Any, reference: PiecewiseSignal, *, kind: Kind, h
             f"{MOST_HOLDS} are planned; take a longer hold"
         )
     times = np.asarray(start + float(hold) * np.arange(-before, count - before + 1), dtype=float)
-    x, u = inverse.followed(filtered(kind, kept, problem.deviation(times)[:, 0] - held[0]), static[:, 0])
+    x, u = inverse.followed(filtered(kind, kept, np.diff(problem.deviation(times)[:, 0])), static[:, 0])
     values: Array = np.hstack([x[:-1], u[:, np.newaxis]]) + held[0] * static[:, 0]
     trajectory = _held(system, times, values, np.outer(held, static[:, 0]))
     plan: Plan = problem.plan(kind, trajectory, exact=False)

@@ -14,8 +14,8 @@ from invtrack.linear.propagation import zero_order_hold
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.state_units import plant_units
 
-NO_HOLD = 1e-14
-"""What one hold does to the output, as a share of what it does to the states that the output shows: below, it does nothing."""
+MAGNIFIED = 0.1
+"""Rounding of the states may grow to this share of them by A_z: what it leaves can then be solved for again."""
 
 REFINEMENTS = 1
 """How often what rounding leaves of the equations is solved for again: much, where one hold hardly moves the next sample."""
@@ -53,10 +53,10 @@ class SampledInverse:
         B_d, C, D = B[:, 0], (system.C * units)[0], float(system.D[0, 0])
         lead = 0 if D else 1
         f, g = (C @ A_d, float(C @ B_d)) if lead else (C, D)
-        if not abs(g) > NO_HOLD * float(np.abs(C) @ np.abs(B_d)):
+        if not abs(g) * MAGNIFIED > np.finfo(float).eps * float(np.linalg.norm(g * A_d - np.outer(B_d, f), 1)):
             raise PlanError(
-                f"an input held for {hold:.6g} s leaves the next sample of the output where it was, so the sampled plant has no "
-                "inverse; choose another hold"
+                f"an input held for {hold:.6g} s moves the next sample of the output by no more than rounding does, so no inverse "
+                "of the sampled plant can be worked out; take a longer hold, or an input that is nearer to the output"
             )
         return cls(A_d, B_d, C, f, g, lead, units)
 
@@ -76,16 +76,16 @@ class SampledInverse:
         """Zeros in or on the unit circle, and those outside."""
         return invariant_parts(self.zero_dynamics, lambda z: abs(z) <= 1)
 
-    def followed(self, y: Array, static: Array) -> tuple[Array, Array]:
-        """States x_k (m + 1, n) and inputs u_k (m,) whose output is y (m + 1,), from rest to rest.
+    def followed(self, steps: Array, static: Array) -> tuple[Array, Array]:
+        """States x_k (m + 1, n) and inputs u_k (m,) whose output takes these steps y_(k+1) - y_k (m,), from rest at 0 to rest.
 
         The steady state X_0 y_k, U_0 y_k and what x_k, u_k are off it, which steps of y alone drive: where y rests, nothing is left
         to rounding.
 
         static: [X_0; U_0] (n + 1,), which holds the output at 1.
         """
-        X_0, U_0 = static[:-1] / self.units, static[-1]
-        driving = np.outer(np.diff(y), -X_0)  # as A_d X_0 + B_d U_0 = X_0
+        X_0, U_0, y = static[:-1] / self.units, static[-1], np.append(0.0, np.cumsum(steps))
+        driving = np.outer(steps, -X_0)  # as A_d X_0 + B_d U_0 = X_0
         missed, x, u = driving, np.zeros((len(y), len(X_0))), np.zeros(len(driving))
         for _ in range(1 + REFINEMENTS):
             more_x, more_u = self._corrected(missed)

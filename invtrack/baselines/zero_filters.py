@@ -16,14 +16,14 @@ from invtrack.arrays import Array, ComplexArray
 Kind = Literal["NPZ-ignore", "ZPETC", "ZMETC"]
 
 
-def filtered(kind: Kind, zeros: ComplexArray, y: Array) -> Array:
-    """What comes out where y (m,) is wanted, which begins and ends at rest long enough: no fewer samples than there are zeros.
+def filtered(kind: Kind, zeros: ComplexArray, steps: Array) -> Array:
+    """What steps from sample to sample become (m,); they begin and end with as many that are zero as there are zeros, or more.
 
     zeros: those that are not cancelled, complex ones in conjugate pairs. With B(z) the polynomial that has them, scaled to B(1) =
     1: "NPZ-ignore" gives B(z) y, "ZPETC" B(z) B(1/z) y, "ZMETC" B(z) over the same with its zeros outside the unit circle put
     inside it, at their reciprocals; of zeros inside or on it this is B(z) y, too.
     """
-    result = y
+    result = steps
     for zero in zeros[zeros.imag >= 0].tolist():
         result = _ahead(zero, result)
         if kind == "ZPETC":
@@ -35,7 +35,7 @@ def filtered(kind: Kind, zeros: ComplexArray, y: Array) -> Array:
 
 def _ahead(zero: complex, y: Array) -> Array:
     """B(z) y of one real zero, or of a pair: 1 + d / e, with d = z - 1 and e = 1 - zero, or that times its conjugate."""
-    d = np.diff(np.append(y, [y[-1]] * 2))
+    d = np.diff(np.append(y, [0.0, 0.0]))
     if zero.imag == 0:
         return np.asarray(y + d[:-1] / (1 - zero.real))
     e = 1 - zero
@@ -43,10 +43,10 @@ def _ahead(zero: complex, y: Array) -> Array:
 
 
 def _reflected(zero: complex, y: Array) -> Array:
-    """y over B(z) with its zero, or pair, at the reciprocal, from rest at y_0: (1 - zero) / (1 - zero z) y, or both of a pair."""
+    """y over B(z) with its zero, or pair, at the reciprocal: (1 - zero) / (1 - zero z) y, or both of a pair."""
     if zero.imag == 0:
         numerator, denominator = [0.0, (zero.real - 1) / zero.real], [1.0, -1 / zero.real]
     else:
         size = abs(zero) ** 2
         numerator, denominator = [0.0, 0.0, abs(1 - zero) ** 2 / size], [1.0, -2 * zero.real / size, 1 / size]
-    return np.asarray(y[0] + scipy.signal.lfilter(numerator, denominator, y - y[0]))
+    return np.asarray(scipy.signal.lfilter(numerator, denominator, y))
