@@ -82,12 +82,13 @@ def approximate_inverse(model: Any, reference: PiecewiseSignal, *, kind: Kind, h
     kept = inverse.zeros[chosen]
     start, end = problem.manoeuvre
     before = 2 * len(kept) + inverse.lead + 1
-    count = before + math.ceil((end - start) / hold) + len(kept) + _settling(kind, inverse.zeros, chosen)
-    if count > MOST_HOLDS:
+    needed = before + (end - start) / float(hold) + len(kept) + _settling(kind, inverse.zeros, chosen)
+    if not needed <= MOST_HOLDS:
         raise PlanError(
-            f"a hold of {hold:.6g} s makes {count} holds until the zeros that are cancelled have died out, of which at most "
+            f"a hold of {hold:.6g} s makes {needed:.6g} holds until the zeros that are cancelled have died out, of which at most "
             f"{MOST_HOLDS} are planned; take a longer hold"
         )
+    count = math.ceil(needed)
     times = np.asarray(start + float(hold) * np.arange(-before, count - before + 1), dtype=float)
     x, u = inverse.followed(filtered(kind, kept, np.diff(problem.deviation(times)[:, 0])), static[:, 0])
     values: Array = np.hstack([x[:-1], u[:, np.newaxis]]) + held[0] * static[:, 0]
@@ -132,12 +133,14 @@ def _not_cancelled(zeros: ComplexArray, hold: float, least_damping: float) -> ND
     return np.asarray(~(damping >= np.where(zeros.real < 0, least_damping, UNDAMPED)) & (zeros != 0))
 
 
-def _settling(kind: Kind, zeros: ComplexArray, kept: NDArray[np.bool_]) -> int:
+def _settling(kind: Kind, zeros: ComplexArray, kept: NDArray[np.bool_]) -> float:
     """Holds until what follows the reference is at rest: the zeros that are cancelled, and for ZMETC those reflected."""
     size = np.abs(zeros)
     reflected = 1 / size[size > 1] if kind == "ZMETC" else np.zeros(0)
     slowest = float(np.max(np.concatenate([size[~kept], reflected]), initial=0.0))
-    return 1 + (math.ceil(math.log(AT_REST) / math.log(slowest)) if slowest > AT_REST else 1)
+    if slowest >= 1:
+        return math.inf
+    return 2 + (math.log(AT_REST) / math.log(slowest) if slowest > AT_REST else 0)
 
 
 def _held(system: StateSpace, times: Array, values: Array, rest: Array) -> Trajectory:

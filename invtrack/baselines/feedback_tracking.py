@@ -105,8 +105,8 @@ def _together(plant: SwitchedSystem, gains: GainSchedule | ArrayLike) -> tuple[S
 
 def _loops(plant: SwitchedSystem, gains: list[Array], derivatives: int) -> list[_Loop]:
     """The loop of each interval; intervals that share model and gain share it, too."""
-    known: dict[tuple[int, int], _Loop] = {}
-    keys = [(id(system), id(K)) for system, K in zip(plant.systems, gains, strict=True)]
+    known: dict[tuple[int, bytes], _Loop] = {}
+    keys = [(id(system), K.tobytes()) for system, K in zip(plant.systems, gains, strict=True)]
     for key, system, K in zip(keys, plant.systems, gains, strict=True):
         if key not in known:
             known[key] = _Loop(system, K, derivatives)
