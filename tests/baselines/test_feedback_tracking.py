@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import invtrack
-from invtrack.baselines import base_servo, feedback_tracking, flexible_modes, shaper
+from invtrack.baselines import base_servo, feedback_tracking, flexible_modes, residual_vibration_ratio, shaper
 from invtrack.errors import ControlError, InversionError, PlanError, RelativeDegreeError, TrajectoryError
 from invtrack.linear import OperatingPoint
 from invtrack.references import autonomous, constant, rest_to_rest, s_curve
@@ -110,6 +110,19 @@ def test_a_shaper_for_all_modes_of_the_loop_leaves_them_at_rest(kind: Any, most:
     alone = left_in(feedback_tracking(CARRIER, reference, gains=SERVO, command=first.shaped(reference)), modes)
     assert alone[0] < most * (1 + 1e-6) * unshaped[0]
     assert alone[1] > 1e-3 * unshaped[1]
+
+
+@pytest.mark.parametrize("kind", ["ZV", "ZVD", "ZVDD", "EI", "two-hump EI"])
+def test_what_a_shaper_for_other_frequencies_leaves_is_its_residual_vibration_ratio(kind: Any) -> None:
+    """Of each mode of the loop, whatever the motion: vibration where the command ends, over that where the unshaped one ends."""
+    modes = flexible_modes(CARRIER, gains=SERVO)
+    made = shaper(kind, [(modes[0].frequency * 1.15, modes[0].damping * 0.5), (modes[1].frequency * 0.9, modes[1].damping)])
+    for reference in (s_curve(0.0, 1.0, duration=0.4), rest_to_rest(0.0, 1.0, 0.3, smoothness=1)):
+        unshaped, shaped = (
+            left_in(feedback_tracking(CARRIER, reference, gains=SERVO, command=command), modes)
+            for command in (None, made.shaped(reference))
+        )
+        assert shaped / unshaped == pytest.approx(residual_vibration_ratio(made, *np.transpose(modes)), rel=1e-6)
 
 
 def test_inversion_and_shaper_command_the_same_servo() -> None:
