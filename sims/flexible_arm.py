@@ -3,7 +3,8 @@
 An arm of four parts on springs raises the direction of its tip by a right angle, once with one payload, once with a payload that
 becomes heavier and then lighter on the way; an arm of two links on flexible joints, relative degree (4, 4), turns both. Gravity
 makes every posture another plant, with other equilibria at both ends. With the linear model of the start, gravity wins: under its
-inverse, and under feedback alone around the inputs that it wants at rest, the rod whirls round and the links miss by their motion.
+inverse the rod whirls round and the links miss by more than their motion. Feedback alone, around the postures at rest along the way
+and the inputs that hold them, arrives, but late and swinging: it misses by most of the motion.
 """
 
 from __future__ import annotations
