@@ -138,7 +138,7 @@ def origin_of(plan: Plan, *, inputs: str, end: float) -> str:
     )
 
 
-def plan_from(samples: SampledPlan, moving: Mechanism | None) -> Plan:
+def plan_from(samples: SampledPlan, moving: Mechanism | None = None) -> Plan:
     """The plan that goes through the rows; moving: the mechanism whose motion it was planned on, if it was planned on one.
 
     Raises KeyError, TypeError or ValueError where the origin does not fit the rows, PlanError for a mechanism that does not fit

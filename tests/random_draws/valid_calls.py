@@ -240,7 +240,7 @@ def _calls() -> dict[str, Call]:
         "certify": call(plans.certify, model=plan.model, trajectory=plan.trajectory, reference=slew, span=(0.0, 1.0)),
         "export_plan": call(plans.export_plan, plan=plan, path="out.csv", rate=50.0, inputs="midpoint", start=-1.0, end=2.0),
         "sampled_plan": call(plans.sampled_plan, plan=plan, rate=50.0, inputs="midpoint", start=-1.0, end=2.0),
-        "read_plan": call(plans.read_plan, path="plan.csv"),
+        "read_plan": call(plans.read_plan, path="plan.csv", plant=None),
         "preactuation_bound": call(plans.preactuation_bound, plan=invtrack.invert(antistable, slew)),
         # inversion
         "invert": call(
@@ -298,7 +298,7 @@ def _calls() -> dict[str, Call]:
             error_poles=[-3.0],
         ),
         "causal_inverse": call(invtrack.causal_inverse, model=model, reference=slew, tolerance=1e-8, max_postactuation=3.0),
-        "steady_state_feedforward": call(inversion.steady_state_feedforward, model=model, reference=slew),
+        "steady_state_feedforward": call(inversion.steady_state_feedforward, model=model, reference=slew, schedule=()),
         # redesign
         "Limits": call(invtrack.Limits, input=1.0, input_rate=5.0, output=2.0, states=[]),
         "StateLimit": call(invtrack.StateLimit, name="twist", row={"x1": 1.0}, limit=2.0),
