@@ -5,9 +5,11 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+import scipy  # loads scipy.optimize at its first use
+from numpy.typing import NDArray
 
-from invtrack.arrays import Array, as_divisor
-from invtrack.linear.scaling import balancing_scale, pace_of
+from invtrack.arrays import Array, Indices, as_divisor
+from invtrack.linear.scaling import balancing_scale, pace_of, parts
 from invtrack.linear.state_space import StateSpace
 
 CLEAR = 1e-10
@@ -21,6 +23,9 @@ ABOUT_AS_CLEAR = 1.0
 
 ALIKE = 1e-9
 """Mean logarithms that differ by less are the same."""
+
+NOTHING = -1e6
+"""log2 of what an input does to an output that it does not reach."""
 
 LARGEST_EXPONENT = 1000.0
 """Bound on log2 of a feedback gain, close to what numbers hold."""
@@ -64,8 +69,9 @@ def _clearest(system: StateSpace) -> tuple[Array, float]:
         """How clear the couplings are where the loops are as fast as 2^exponent times the fastest mode."""
         if exponent not in found:
             loops = _loops(A, B, C, paths, centre + exponent)
-            units = balancing_scale(loops if np.all(np.isfinite(loops)) else A)
-            found[exponent] = _clarity(system, units) if np.all(np.isfinite(loops)) else -np.inf, units
+            finite = bool(np.all(np.isfinite(loops)))
+            units = balancing_scale(loops if finite else A)
+            found[exponent] = _clarity(system, units, parts(loops)) if finite else -np.inf, units
         return found[exponent][0]
 
     coarse = {exponent: look(exponent) for exponent in COARSE_PACES}
@@ -82,11 +88,38 @@ def _clearest(system: StateSpace) -> tuple[Array, float]:
 
 
 def _loops(A: Array, B: Array, C: Array, paths: Array, pace: float) -> Array:
-    """A with every output fed back to every input such that the strongest loop through both is as fast as 2^pace [rad/s] (n, n)."""
+    """A with every output fed back to every input such that the strongest loop through both is as fast as 2^pace [rad/s] (n, n).
+
+    But for inputs that do next to nothing to an output beside what both are for: with a gain that makes up for that, rounding in a
+    thrust of zero, which pushes a satellite aside as it turns, would couple its place with its attitude.
+    """
     strongest = np.max(paths - np.arange(len(paths))[:, None, None] * pace, axis=0)
-    gains = np.exp2(np.clip(pace - strongest, None, LARGEST_EXPONENT), where=np.isfinite(strongest), out=np.zeros_like(strongest))
+    fed_back = np.isfinite(strongest) & _matter(strongest)
+    gains = np.exp2(np.clip(pace - strongest, None, LARGEST_EXPONENT), where=fed_back, out=np.zeros_like(strongest))
     with np.errstate(over="ignore"):  # at paces far above all that the plant does
         return np.asarray(A + B @ gains.T @ C)
+
+
+def _matter(strength: Array) -> NDArray[np.bool_]:
+    """Which pairs of outputs and inputs matter, for log2 of what each input does to each output (p, m).
+
+    Of a square plant inputs and outputs are paired one to one, so that the product of what each input does to its output is the
+    largest. Any other pair matters where the best such product with it is no smaller than the share CLEAR of that one: units of
+    inputs and outputs do not change that share. With more of the ones than of the others all pairs matter.
+    """
+    p, m = strength.shape
+    if p != m or m == 1:
+        return np.ones((p, m), dtype=bool)
+    known = np.where(np.isfinite(strength), strength, NOTHING)
+    own = scipy.optimize.linear_sum_assignment(known, maximize=True)[1]  # the input of each output
+    taken = known[:, own]
+    gain = taken - np.diag(taken)  # of output r that takes the input of output q, which is left without one
+    chains = np.where(np.eye(p, dtype=bool), 0.0, gain)  # the best of outputs that each take the input of the next
+    for k in range(p):
+        chains = np.maximum(chains, chains[:, [k]] + chains[[k]])
+    result = np.empty((p, m), dtype=bool)
+    result[:, own] = gain + chains.T >= np.log2(CLEAR)
+    return result
 
 
 def _path_sizes(A: Array, B: Array, C: Array) -> Array:
@@ -101,10 +134,15 @@ def _path_sizes(A: Array, B: Array, C: Array) -> Array:
     return sizes
 
 
-def _clarity(system: StateSpace, scale: Array) -> float:
-    """How far the couplings stand out in these units: mean logarithm of their shares, of A's norm, of a column of B, a row of C."""
+def _clarity(system: StateSpace, scale: Array, part: Indices) -> float:
+    """How far the couplings stand out in these units: mean logarithm of their shares, of A's norm, of a column of B, a row of C.
+
+    Only those of states that act on each other both ways, which `part` (n,) says: one-way couplings any units make as large as one
+    likes.
+    """
     A, B, C = (np.abs(M) for M in (system.A * scale / scale[:, None], system.B / scale[:, None], system.C * scale))
     np.fill_diagonal(A, 0.0)  # what acts on itself couples nothing
     sizes = (np.linalg.norm(A), np.linalg.norm(B, axis=0, keepdims=True), np.linalg.norm(C, axis=1, keepdims=True))
-    shares = np.concatenate([(M / as_divisor(size))[M > 0] for M, size in zip((A, B, C), sizes, strict=True)])
+    counted = ((A > 0) & (part[:, None] == part), B > 0, C > 0)
+    shares = np.concatenate([(M / as_divisor(size))[which] for M, size, which in zip((A, B, C), sizes, counted, strict=True)])
     return float(np.mean(np.log(np.maximum(shares, CLEAR)))) if shares.size else 0.0
