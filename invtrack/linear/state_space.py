@@ -271,7 +271,7 @@ def as_state_space(system: Any) -> StateSpace:
     if missing:
         raise ModelError(
             f"expected a StateSpace or an object with attributes A, B, C, D; {type(system).__name__} has no {', '.join(missing)}"
-            " (convert a transfer function to state space first)"
+            " (linearize a Plant with invtrack.linearize; convert a transfer function to state space first)"
         )
     E = getattr(system, "E", None)
     if E is not None and not np.array_equal(E, np.eye(len(np.atleast_2d(system.A)))):

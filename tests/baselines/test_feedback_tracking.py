@@ -9,7 +9,7 @@ import pytest
 
 import invtrack
 from invtrack.baselines import base_servo, feedback_tracking, flexible_modes, residual_vibration_ratio, shaper
-from invtrack.errors import ControlError, InversionError, PlanError, RelativeDegreeError, TrajectoryError
+from invtrack.errors import ControlError, InversionError, ModelError, PlanError, RelativeDegreeError, TrajectoryError
 from invtrack.linear import OperatingPoint
 from invtrack.references import autonomous, constant, rest_to_rest, s_curve
 from invtrack.references.generator import Generator
@@ -243,3 +243,9 @@ def test_a_reference_that_resonates_for_ever_is_refused() -> None:
     resonant = invtrack.PiecewiseSignal(np.array([0.0]), (decaying,), np.zeros(2, dtype=int), np.ones((2, 1)))
     with pytest.raises(PlanError, match="a mode that is a pole of the loop"):
         feedback_tracking(model, resonant, gains=[[0.0]])
+
+
+def test_a_mechanism_is_to_be_linearized() -> None:
+    plant = invtrack.Plant.from_xml(invtrack.model_path("two_disc"), inputs=["motor"], outputs=["disc2_angle"])
+    with pytest.raises(ModelError, match=r"Plant has no A, B, C, D \(linearize a Plant with invtrack.linearize"):
+        feedback_tracking(plant, SLEW, gains=np.zeros((1, 4)))
