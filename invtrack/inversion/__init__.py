@@ -14,7 +14,7 @@ from invtrack.inversion.modified.preactuation_trade_off import (
 )
 from invtrack.inversion.no_preactuation import causal_inverse, steady_state_feedforward
 from invtrack.inversion.nonlinear.certificate import MotionChecks
-from invtrack.inversion.nonlinear.shooting import Iteration
+from invtrack.inversion.nonlinear.newton import Iteration
 from invtrack.inversion.nonlinear.stable_inversion import MotionPlan
 
 __all__ = [

@@ -17,7 +17,10 @@ from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
 
 MOST_STEPS = 6000
-"""Steps of the replay, in all: so many elements are replayed, spread evenly over the motion."""
+"""Steps of the replay, in all: so many elements are replayed, spread evenly over the motion, and those beside breakpoints."""
+
+BESIDE = 3
+"""Elements on either side of a breakpoint of the reference and of a change of parameters, where the motion changes fastest."""
 
 
 @dataclass(frozen=True)
@@ -60,12 +63,13 @@ def certify_motion(
     mesh, n, m = shooting.mesh, model.n_states, model.n_inputs
     # A held input is planned for the steps of its hold; a continuous one must not depend on them.
     steps = shooting.scheme.steps * 3 // 2 if shooting.scheme.count > 1 else shooting.scheme.steps
-    chosen = np.unique(np.linspace(0, len(mesh) - 1, min(max(1, MOST_STEPS // steps), len(mesh))).astype(np.intp))
+    chosen = _replayed(mesh, reference, MOST_STEPS // steps)
     shares = np.arange(1, steps + 1) / steps
-    times = mesh.edges[chosen, None] + mesh.lengths[chosen, None] * shares
+    times = np.minimum(mesh.edges[chosen, None] + mesh.lengths[chosen, None] * shares, mesh.edges[chosen + 1, None])
     inside = np.repeat((mesh.edges[chosen] + mesh.edges[chosen + 1]) / 2, steps)
     wanted = reference(times.ravel(), inside=inside).reshape(len(chosen), steps, -1)
-    planned = trajectory(times.ravel(), np.repeat(chosen + 1, steps)).reshape(len(chosen), steps, -1)
+    before = np.searchsorted(trajectory.breakpoints, times.ravel(), side="left")  # the piece that ends in a breakpoint
+    planned = trajectory(times.ravel(), before).reshape(len(chosen), steps, -1)
     interval = intervals_of_pieces(model, mesh.edges)[chosen + 1]
     x = planned[:, :, :n] + model.rest_states[interval][:, None]
     y = planned[:, :, n + m :] + model.rest_outputs[interval][:, None]
@@ -82,6 +86,13 @@ def certify_motion(
     return Certificate(defect, missed, _continuity(trajectory, model, size), _unrest(trajectory, model, size))
 
 
+def _replayed(mesh: Mesh, reference: PiecewiseSignal, count: int) -> Indices:
+    even = np.linspace(0, len(mesh) - 1, min(max(1, count), len(mesh))).astype(np.intp)
+    changes = np.flatnonzero(np.diff(mesh.interval)) + 1
+    stops = np.concatenate([changes, np.searchsorted(mesh.edges, reference.breakpoints)])
+    return np.unique(np.clip(np.concatenate([even, (stops[:, None] + np.arange(-BESIDE, BESIDE)).ravel()]), 0, len(mesh) - 1))
+
+
 def state_sizes(shooting: Shooting, motion: Motion, model: SwitchedSystem) -> Array:
     """Peaks of the plan's states (n,), those that hardly move by what comparable ones make of them."""
     states = shooting.dynamics[0].states(motion.points) - model.rest_states[0]
@@ -92,15 +103,14 @@ def state_sizes(shooting: Shooting, motion: Motion, model: SwitchedSystem) -> Ar
 def input_jump(mesh: Mesh, trajectory: Trajectory, model: SwitchedSystem, stops: Array) -> float:
     """Largest jump of an input between two elements, but at the stops [s], as a share of the input's range."""
     inner = mesh.edges[1:-1]
-    pieces = np.arange(1, len(mesh))
     smooth = ~np.isin(inner, stops)
     rows = slice(model.n_states, model.n_states + model.n_inputs)
-    interval = intervals_of_pieces(model, mesh.edges)
+    interval = intervals_of_pieces(model, trajectory.breakpoints)
 
     def at(piece: Indices) -> Array:
         return np.asarray(trajectory(inner, piece, rows) + model.rest_inputs[interval[piece]])
 
-    left, right = at(pieces), at(pieces + 1)
+    left, right = (at(np.searchsorted(trajectory.breakpoints, inner, side=side)) for side in ("left", "right"))
     span = np.ptp(np.vstack([left, right]), axis=0)
     jumps = np.abs(right - left)[smooth] / np.where(span > 0, span, 1.0)
     return float(np.max(jumps, initial=0.0))

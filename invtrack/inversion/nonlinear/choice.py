@@ -18,6 +18,9 @@ from invtrack.linear.internal_dynamics import format_zeros
 LEAST_GAP = 0.3
 """Least |log |lambda|| of the multipliers that stand for no zero with which a scheme is taken."""
 
+AMPLE_GAP = 1.0
+"""A gap with which errors of the mesh are forgotten within a few elements."""
+
 LENGTHS = (1.0, 0.5, 0.25, 2.0, 0.125)
 """Multiples of the wanted length of elements that are tried."""
 
@@ -38,7 +41,7 @@ class Choice:
     length: float
     expanding: int
     gap: float
-    _known: dict[tuple[int, float], bool] = field(default_factory=dict, repr=False)
+    _known: dict[tuple[int, float], float] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, problem: MotionProblem, scheme: Scheme, length: float) -> Choice | None:
@@ -52,13 +55,21 @@ class Choice:
             return None
         return cls(problem, scheme, length, ends[0].expanding, min(end.gap for end in ends))
 
-    def suits(self, length: float) -> bool:
-        """Whether elements of another length [s] can stand beside these."""
+    def gap_at(self, length: float) -> float:
+        """The gap of elements of another length [s]; none, -inf, where these cannot stand beside them."""
         key = (self.scheme.refinement, float(f"{length:.9g}"))
         if key not in self._known:
             other = Choice.of(self.problem, self.scheme, length)
-            self._known[key] = other is not None and other.expanding == self.expanding and other.gap >= LEAST_GAP
+            self._known[key] = other.gap if other is not None and other.expanding == self.expanding else -np.inf
         return self._known[key]
+
+    def suits(self, length: float) -> bool:
+        """Whether elements of another length [s] can stand beside these."""
+        return self.gap_at(length) >= LEAST_GAP
+
+    def suits_as_well(self, length: float) -> bool:
+        """Whether they forget errors of the mesh as fast as these, or fast enough for errors to stay where they are made."""
+        return self.gap_at(length) >= min(self.gap, AMPLE_GAP)
 
     def allowed(self, parts: Indices, mesh: Mesh) -> Indices:
         """Into how many parts (N,) elements may be split of which `parts` (N,) are wanted, or more; 1 where into none."""

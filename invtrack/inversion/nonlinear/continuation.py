@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from invtrack.inversion.nonlinear.shooting import Iteration, Motion, Shooting
+from invtrack.inversion.nonlinear.newton import Iteration, converged
+from invtrack.inversion.nonlinear.shooting import Motion, Shooting
 
 SMALLEST = 1 / 256
 """Steps of amplitude that continuation gives up below."""
@@ -51,18 +52,18 @@ def follow(problem: Callable[[float], Shooting | None], first: Motion, tolerance
     """
     whole = problem(1.0)
     assert whole is not None  # the caller has made sure of the equilibrium at the end
-    motion, log = whole.solve(first, 1.0, tolerance)
+    motion, log = converged(whole, first, tolerance)
     if motion is not None:
         if progress is not None:
             progress(1.0)
-        return Followed(motion, 1.0, whole, tuple(log))
+        return Followed(motion, 1.0, whole, log)
     found, step = [(0.0, first)], 0.5
     while step >= SMALLEST:
         amplitude = min(1.0, found[-1][0] + step)
         shooting = problem(amplitude)
         if shooting is not None:
             guess = _predicted(found, amplitude, shooting)
-            motion, more = shooting.solve(guess, amplitude, tolerance if amplitude == 1.0 else CLOSE)
+            motion, more = converged(shooting, guess, tolerance if amplitude == 1.0 else CLOSE, amplitude=amplitude)
             log += more
             if motion is not None:
                 found = [found[-1], (amplitude, motion)]
@@ -70,11 +71,11 @@ def follow(problem: Callable[[float], Shooting | None], first: Motion, tolerance
                 if progress is not None:
                     progress(amplitude)
                 if amplitude == 1.0:
-                    return Followed(motion, 1.0, shooting, tuple(log))
+                    return Followed(motion, 1.0, shooting, log)
                 continue
         step /= 2
     reached, motion = found[-1]
-    return Followed(motion if reached else None, reached, problem(reached) or whole, tuple(log))
+    return Followed(motion if reached else None, reached, problem(reached) or whole, log)
 
 
 def _predicted(found: list[tuple[float, Motion]], amplitude: float, shooting: Shooting) -> Motion:

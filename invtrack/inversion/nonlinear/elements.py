@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -107,17 +107,14 @@ class ElementMaps:
 
 
 def element_maps(derivatives: Derivatives, scheme: Scheme, lengths: Array) -> ElementMaps:
-    """The derivative of classical RK4 over each element, for derivatives of the dynamics at its knots.
-
-    Its steps are those of a scheme without refinement, which follow neighbouring motions as well as parabolas between the knots
-    follow the derivatives.
+    """The derivative of classical RK4 over each element, in the steps of its scheme, for derivatives of the dynamics at its knots.
 
     Args:
         derivatives: at the knots of each element, in order (K KNOTS, ...).
         scheme: of the elements.
         lengths: of the elements (K,) [s].
     """
-    scheme, K = replace(scheme, refinement=1), len(lengths)
+    K = len(lengths)
     at_knots = [a.reshape(K, KNOTS, *a.shape[1:]) for a in (derivatives.A, derivatives.B, derivatives.C, derivatives.D)]
     n, m = at_knots[1].shape[2:]
     block = max(1, IN_CACHE // (n * (n + scheme.count * m)))

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import NDArray
 
-from invtrack.arrays import Array, ComplexArray
+from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.inversion.nonlinear.elements import Scheme, map_at_rest
 from invtrack.inversion.nonlinear.rest import Rest
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.zeros import zeros
 from invtrack.plans.dynamics import Dynamics
+from invtrack.plans.tail import Side
 
 NEUTRAL = 1e-5
 """Multipliers up to 1 + this count as not expanding: states that act on nothing, and zeros at the origin."""
@@ -22,11 +25,33 @@ SLOW = 1.0
 
 
 @dataclass(frozen=True, eq=False)
+class Departure:
+    """Motions about rest that die out away from a manoeuvre: x = X exp(A t) v, u = U exp(A t) v, as deviations from rest.
+
+    They are those of the elements themselves: x at the nodes is as elements carry it on, and u has the mean over each element that
+    keeps the outputs at their points. Held inputs are therefore those that a zero-order hold makes of u.
+
+    Args:
+        side: of the manoeuvre.
+        A: (k, k) [1/s].
+        X, U: states, in the tangent space at rest, and inputs (n, k), (m, k).
+        V: v = V x for the state x at t = 0, what lies in other motions left aside (k, n).
+    """
+
+    side: Side
+    A: Array
+    X: Array
+    U: Array
+    V: Array
+
+
+@dataclass(frozen=True, eq=False)
 class End:
     """An equilibrium and the discrete inverse dynamics x -> M x of elements there, outputs kept.
 
     Args:
         rest: the equilibrium.
+        length: of the elements [s].
         M: in balanced coordinates (n, n).
         scale: of these, x = scale * (balanced x) (n,).
         inputs: coefficients of the inputs on an element that keep the outputs, from x at its start (s m, n).
@@ -35,6 +60,7 @@ class End:
     """
 
     rest: Rest
+    length: float
     M: Array
     scale: Array
     inputs: Array
@@ -46,7 +72,7 @@ class End:
         """The end at an equilibrium, for elements of that length [s]. Raises LinAlgError where the input acts on no output."""
         maps = map_at_rest(dynamics, rest.point, rest.inputs, scheme, length)
         M, (scale, _) = scipy.linalg.matrix_balance(maps.exact[0], permute=False, separate=True)
-        return cls(rest, M, scale, -maps.inverse[0][0], zeros, _gap(np.linalg.eigvals(M), zeros * length))
+        return cls(rest, length, M, scale, -maps.inverse[0][0], zeros, _gap(np.linalg.eigvals(M), zeros * length))
 
     @property
     def expanding(self) -> int:
@@ -61,23 +87,25 @@ class End:
         """Rows R (n_u, n): R (x - rest) = 0 for a motion that comes to rest."""
         return self._rows(expanding=True)
 
-    def leaving(self, away: Array, count: int) -> Array:
-        """The last `count` states (count, n), measured from rest, of a motion on its way from rest to `away` (n,)."""
-        Q, T = _invariant(self.M, expanding=True)
-        z, found = Q.T @ (away / self.scale), np.empty((count, len(away)))
-        for k in range(count - 1, -1, -1):
-            z = scipy.linalg.solve(T, z) if len(z) else z
-            found[k] = self.scale * (Q @ z)
-        return found
+    def departure(self, side: Side) -> Departure:
+        """Motions about rest that die out away from a manoeuvre, on that side of it, in the zeros that the elements resolve."""
+        multipliers = np.linalg.eigvals(self.M)
+        outward = np.abs(multipliers) > 1 + NEUTRAL if side == "before" else np.abs(multipliers) < 1 - NEUTRAL
+        slow = np.isin(np.arange(len(multipliers)), _resolved(multipliers, self.zeros * self.length)) & outward
 
-    def returning(self, away: Array, count: int) -> Array:
-        """The next `count` states (count, n), measured from rest, of a motion on its way to rest from `away` (n,)."""
-        Q, T = _invariant(self.M, expanding=False)
-        z, found = Q.T @ (away / self.scale), np.empty((count, len(away)))
-        for k in range(count):
-            z = T @ z
-            found[k] = self.scale * (Q @ z)
-        return found
+        def among(re: float, im: float) -> int:
+            return int(np.argmin(np.abs(multipliers - complex(re, im))))
+
+        T, Q, count = scipy.linalg.schur(self.M, sort=lambda re, im: bool(slow[among(re, im)]))
+        A = np.zeros((0, 0)) if count == 0 else np.real(scipy.linalg.logm(T[:count, :count])) / self.length
+        X = self.scale[:, None] * Q[:, :count]
+        held = np.block([[A * self.length, np.eye(count)], [np.zeros((count, 2 * count))]])
+        mean = scipy.linalg.expm(held)[:count, count:]
+        U = np.linalg.solve(mean.T, (self.inputs[: len(self.rest.inputs)] @ X).T).T
+        # Coordinates of any state along these motions, what it has of others left aside.
+        rest = scipy.linalg.solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:]) if count else T[:0]
+        V = (Q[:, :count].T - rest @ Q[:, count:].T) / self.scale
+        return Departure(side, A, X, U, V)
 
     def _rows(self, *, expanding: bool) -> Array:
         """A basis of the left-invariant subspace of the multipliers outside the unit circle, or of the others."""
@@ -105,11 +133,17 @@ def unstable(found: ComplexArray, unit: float) -> int:
     return int(np.sum(found.real > NEUTRAL * unit))
 
 
-def _gap(multipliers: ComplexArray, resolved: ComplexArray) -> float:
-    """Smallest |log |lambda|| of the multipliers but those nearest to exp(z H) of the zeros, z H (k,), that are resolved."""
-    left = list(multipliers)
-    for zero in sorted(resolved[np.abs(resolved) < SLOW], key=abs):
+def _resolved(multipliers: NDArray[Any], zeros: ComplexArray) -> Indices:
+    """Which multipliers are nearest to exp(z H) of the zeros, z H (k,), that elements resolve."""
+    left = list(range(len(multipliers)))
+    found = []
+    for zero in sorted(zeros[np.abs(zeros) < SLOW], key=abs):
         if left:
-            left.pop(int(np.argmin(np.abs(np.array(left) - np.exp(zero)))))
-    sizes = np.abs(np.array(left))
+            found.append(left.pop(int(np.argmin(np.abs(multipliers[left] - np.exp(zero))))))
+    return np.array(found, dtype=np.intp)
+
+
+def _gap(multipliers: NDArray[Any], zeros: ComplexArray) -> float:
+    """Smallest |log |lambda|| of the multipliers but those of the zeros, z H (k,), that elements resolve."""
+    sizes = np.abs(np.delete(multipliers, _resolved(multipliers, zeros)))
     return float(np.min(np.abs(np.log(np.maximum(sizes, np.finfo(float).tiny))), initial=np.inf))

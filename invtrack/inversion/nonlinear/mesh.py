@@ -48,13 +48,15 @@ class Mesh:
         """The elements between edges (N + 1,) [s]."""
         return cls(edges, np.searchsorted(switch_times, (edges[:-1] + edges[1:]) / 2, side="right"))
 
-    def split(self, parts: Indices) -> tuple[Mesh, Indices, Array]:
-        """Each element in as many even parts as stated (N,).
-
-        Besides the mesh: for each new element, the old one it lies in (N',), and from which share of it on to which (N', 2).
-        """
+    def split(self, parts: Indices) -> Mesh:
+        """Each element in as many even parts as stated (N,)."""
         owner = np.repeat(np.arange(len(self)), parts)
         number = np.arange(len(owner)) - np.repeat(np.cumsum(parts) - parts, parts)
-        shares = np.column_stack([number, number + 1]) / parts[owner][:, None]
-        starts = self.edges[owner] + shares[:, 0] * self.lengths[owner]
-        return Mesh(np.append(starts, self.edges[-1]), self.interval[owner]), owner, shares
+        starts = self.edges[owner] + number / parts[owner] * self.lengths[owner]
+        return Mesh(np.append(starts, self.edges[-1]), self.interval[owner])
+
+    def with_more(self, before: Array, after: Array) -> Mesh:
+        """With further elements of these lengths (k,) [s] before and after it, from the inside outward."""
+        first, last = self.edges[0] - np.cumsum(before)[::-1], self.edges[-1] + np.cumsum(after)
+        interval = np.pad(self.interval, (len(before), len(after)), mode="edge")
+        return Mesh(np.concatenate([first, self.edges, last]), interval)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,38 +19,49 @@ MOST_PARTS = 4
 """Into how many parts an element is split at once, at most."""
 
 
-PARTS_BEGIN = 6
-"""Steps in 2 s times as many are a multiple of 2, 3 and 4: elements that are split into so many parts begin at ends of steps."""
-
-
 @dataclass(frozen=True, eq=False)
 class DenseError:
     """Errors of each element (N,), as shares of the outputs' motions and the states' peaks.
 
-    output: largest |y - y_d| from start to end, from an integration with twice as many steps. defect: what these make of its end.
+    Args:
+        output: largest |y - y_d| from start to end, by an integration with twice as many steps.
+        between: the same less what interpolates it between the matched points: what the mesh is to blame for.
+        defect: what that integration makes of its end.
     """
 
     output: Array
+    between: Array
     defect: Array
 
     @property
-    def worst(self) -> float:
-        """The largest of all."""
-        return float(max(np.max(self.output), np.max(self.defect)))
+    def worst(self) -> Array:
+        """The largest of each element (N,)."""
+        return np.maximum(self.output, self.defect)
 
 
 def dense_error(shooting: Shooting, motion: Motion, reference: PiecewiseSignal) -> DenseError:
-    """The errors of a motion, between its points."""
-    fine = Scheme(shooting.scheme.count, shooting.scheme.at_end, 2 * shooting.scheme.refinement)
+    """The errors of a motion between its points; `between` and `defect` hardly change where little of it is left to find."""
+    scheme, dynamics = shooting.scheme, shooting.dynamics[0]
+    fine = replace(scheme, refinement=2 * scheme.refinement)
     nodes = shooting.nodes(motion, fine)
     shares = np.linspace(0.0, 1.0, fine.steps + 1)
-    inputs = np.einsum("kim,ji->kjm", motion.coefficients, legendre(fine.count, shares))
-    y = shooting.outputs(nodes, inputs)
-    away = shooting.dynamics[0].output_difference(y, wanted_at(shooting.mesh, reference, shares))
-    gaps = shooting.dynamics[0].difference(nodes[:, -1], motion.points[1:])
+    y = shooting.outputs(nodes, np.einsum("kim,ji->kjm", motion.coefficients, legendre(fine.count, shares)))
+    away = dynamics.output_difference(y, wanted_at(shooting.mesh, reference, shares)) / shooting.motion_size
+    gaps = dynamics.difference(nodes[:, -1], shooting.nodes(motion)[:, -1])
     return DenseError(
-        np.max(np.abs(away) / shooting.motion_size, axis=(1, 2)), np.max(np.abs(gaps) / shooting.sizes(motion), axis=1)
+        np.max(np.abs(away), axis=(1, 2)),
+        np.max(np.abs(away - _through_points(away, fine)), axis=(1, 2)),
+        np.max(np.abs(gaps) / shooting.sizes(motion), axis=1),
     )
+
+
+def _through_points(away: Array, scheme: Scheme) -> Array:
+    """The polynomials through misses (N, S + 1, p) at the matched points, at all of their shares of an element."""
+    shares, result = np.linspace(0.0, 1.0, scheme.steps + 1), np.empty_like(away)
+    for output, points in enumerate(scheme.points):
+        weights = np.linalg.solve(legendre(scheme.count, shares[points]).T, legendre(scheme.count, shares).T)  # (s, S + 1)
+        result[:, :, output] = away[:, points, output] @ weights
+    return result
 
 
 def wanted_at(mesh: Mesh, reference: PiecewiseSignal, shares: Array) -> Array:
@@ -71,21 +82,3 @@ def steps_for(defect: Array, accuracy: float) -> int:
     """By how much the steps of integration must be shorter for defects (N,), which fall with their fourth power."""
     worst = float(np.max(defect))
     return 1 if worst <= accuracy else int(np.clip(np.ceil((worst / (MARGIN * accuracy)) ** 0.25), 2, MOST_PARTS))
-
-
-def carried_over(shooting: Shooting, motion: Motion, owner: Indices, shares: Array) -> Motion:
-    """The same motion on a mesh whose elements lie in those of the old one.
-
-    Args:
-        shooting, motion: on the old mesh.
-        owner, shares: for each new element, in which old one it lies (N',), and from which share of it on to which (N', 2).
-    """
-    count = shooting.scheme.count
-    fine = Scheme(count, shooting.scheme.at_end, PARTS_BEGIN * shooting.scheme.refinement)
-    nodes = shooting.nodes(motion, fine)
-    at = np.round(shares[:, 0] * fine.steps).astype(int)
-    points = np.vstack([nodes[owner, at], motion.points[-1:]])
-    samples = (np.polynomial.legendre.leggauss(count)[0] + 1) / 2
-    within = shares[:, :1] + (shares[:, 1:] - shares[:, :1]) * samples
-    values = np.einsum("kjc,kcm->kjm", legendre(count, within.ravel()).reshape(*within.shape, count), motion.coefficients[owner])
-    return Motion(points, np.linalg.solve(legendre(count, samples), values))

@@ -1,9 +1,9 @@
-"""Multiple shooting for a motion whose outputs are given: Newton's method on states at nodes and inputs on elements."""
+"""Multiple shooting for a motion whose outputs are given: conditions on states at nodes and on inputs, and Newton's step."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
@@ -17,37 +17,8 @@ from invtrack.plans.dynamics import Derivatives, Dynamics
 
 T = TypeVar("T")
 
-MOST_ITERATIONS = 15
-
-GROWING = 3
-"""So many steps in a row, each longer than the one before it, are taken for divergence."""
-
-ROUNDING = 1e-7
-"""Steps below this that no longer fall are rounding: what is left is judged by what it makes of the outputs.
-
-Newton's method falls from here to rounding in one step; where it does not, rounding is all there is."""
-
-CONVERGING = 0.1
-"""Where a step is below this share of the one before it, the method converges at least that fast from there."""
-
 FLOOR = 1e-6
 """A state counts as no smaller than this share of the largest, in balanced units."""
-
-
-@dataclass(frozen=True)
-class Iteration:
-    """One step of Newton's method.
-
-    amplitude: share of the motion that it was for. defect: largest gap between one element's end and the next one's start, as a
-    share of each state's peak. output: largest miss at the matched points, as a share of the motion of the outputs. step: largest
-    change of a state, as a share of its peak. elements: how many there were.
-    """
-
-    amplitude: float
-    defect: float
-    output: float
-    step: float
-    elements: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +39,7 @@ class Shooting:
         wanted: outputs at the matched points (N, p, s).
         motion_size: of the outputs (p,), by which misses are measured.
         ends: where the motion starts and ends.
+        number: of the mesh, among those that were tried, for the log.
     """
 
     dynamics: Sequence[Dynamics]
@@ -76,6 +48,7 @@ class Shooting:
     wanted: Array
     motion_size: Array
     ends: tuple[End, End]
+    number: int = 1
 
     def nodes(self, motion: Motion, scheme: Scheme | None = None) -> Array:
         """The states at the ends of the steps of all elements (N, S + 1, .)."""
@@ -150,46 +123,6 @@ class Shooting:
         points = self.dynamics[0].retract(motion.points, states)
         return Motion(points, motion.coefficients + coefficients.reshape(motion.coefficients.shape))
 
-    def solve(self, motion: Motion, amplitude: float, tolerance: float) -> tuple[Motion | None, list[Iteration]]:
-        """Newton's method from a motion, and its log, until what is left is below the tolerance; None where it does not get there.
-
-        Args:
-            motion: to start from.
-            amplitude: share of the motion, for the log.
-            tolerance: of what is left after a step; see `remaining`.
-        """
-        log: list[Iteration] = []
-        growing, last = 0, np.inf
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            for _ in range(MOST_ITERATIONS):
-                nodes = self.nodes(motion)
-                gaps, away = self.misses(motion, nodes)
-                if not (np.all(np.isfinite(nodes)) and np.all(np.isfinite(away))):
-                    return None, log
-                try:
-                    states, coefficients = self.step(motion, nodes, gaps, away)
-                except (np.linalg.LinAlgError, ValueError):  # scipy says ValueError of what is not finite
-                    return None, log
-                motion = self.moved(motion, states, coefficients)
-                size = self.sizes(motion)
-                step = float(np.max(np.abs(states) / size))
-                defect = float(np.max(np.abs(gaps) / size))
-                missed = float(np.max(np.abs(away) / np.where(self.motion_size > 0, self.motion_size, np.inf)[:, None]))
-                log.append(Iteration(amplitude, defect, missed, step, len(self.mesh)))
-                if not np.isfinite(step):
-                    return None, log
-                if remaining(log) <= tolerance or (last <= ROUNDING and step > last / 4):
-                    return motion, log
-                growing = growing + 1 if step > last else 0
-                last = step
-                if growing >= GROWING:
-                    return None, log
-        return None, log
-
-    def with_wanted(self, wanted: Array, end: End) -> Shooting:
-        """The same for other outputs and another end."""
-        return replace(self, wanted=wanted, ends=(self.ends[0], end))
-
     def _by_interval(self, work: Callable[[Dynamics, Indices], T]) -> list[tuple[Indices, T]]:
         """[(elements, work(dynamics, elements))] for each interval that has elements."""
         found = []
@@ -203,17 +136,6 @@ class Shooting:
         for chosen, values in parts:
             result[chosen] = values
         return result
-
-
-def remaining(log: Sequence[Iteration]) -> float:
-    """What is left to find after the steps on one mesh, as a share of peaks.
-
-    That is |d| q / (1 - q) for the last step d and its ratio q to the one before it, as of a geometric series; what follows is
-    smaller where the method converges faster.
-    """
-    step = log[-1].step
-    ratio = step / log[-2].step if len(log) > 1 else 1.0
-    return step * ratio / (1 - ratio) if ratio < CONVERGING else step
 
 
 _MAPS = ("end_x", "end_c", "out_x", "out_c")

@@ -9,12 +9,12 @@ import numpy as np
 
 from invtrack.arrays import real_number, require_duration, require_share
 from invtrack.errors import NonHyperbolicError, PlanError
-from invtrack.inversion.nonlinear.certificate import MotionChecks, certify_motion, input_jump, state_sizes
+from invtrack.inversion.nonlinear.certificate import MotionChecks, certify_motion, input_jump
 from invtrack.inversion.nonlinear.continuation import Progress
 from invtrack.inversion.nonlinear.decoupling import require_hold_of_outputs
 from invtrack.inversion.nonlinear.linearizations import linearizations_along
+from invtrack.inversion.nonlinear.newton import Iteration
 from invtrack.inversion.nonlinear.problem import MotionProblem
-from invtrack.inversion.nonlinear.shooting import Iteration
 from invtrack.inversion.nonlinear.solver import MotionSolver, Solution
 from invtrack.inversion.nonlinear.tails import tails_of
 from invtrack.inversion.nonlinear.trajectory import trajectory_of
@@ -106,7 +106,7 @@ def _plan(
     shooting, motion, mesh = solution.shooting, solution.motion, solution.shooting.mesh
     decoupling = require_hold_of_outputs(shooting, motion, problem.relative_degree, 1.0)
     model = problem.model(mesh.edges)
-    tails = tails_of(problem, motion, model, state_sizes(shooting, motion, model))
+    tails = tails_of(problem, shooting, motion, model)
     trajectory = trajectory_of(shooting, motion, model, tails)
     for k, dynamics in enumerate(problem.dynamics):
         chosen = np.flatnonzero(mesh.interval == k)
@@ -122,7 +122,7 @@ def _plan(
         elements=len(mesh),
     )
     preactuation, postactuation, limited = actuation_times(trajectory, problem.manoeuvre, tolerance, limits)
-    held = () if hold is None else (f"planned for a zero-order hold of {hold:g} s: inputs are constant over each",)
+    held = () if hold is None else (_held_remark(hold, certificate),)
     return MotionPlan(
         method="stable inversion of the nonlinear plant",
         model=model,
@@ -138,6 +138,13 @@ def _plan(
         linearizations=linearizations_along(shooting, motion),
         iterations=solution.log,
         checks=checks,
+    )
+
+
+def _held_remark(hold: float, certificate: Certificate) -> str:
+    return (
+        f"planned for a zero-order hold of {hold:g} s: inputs are constant over each, the outputs exact once in each, and within "
+        f"{certificate.output_error:.1e} of their motion in between"
     )
 
 

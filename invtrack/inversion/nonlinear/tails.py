@@ -1,95 +1,92 @@
-"""Tails of a motion: how its linear model leaves rest before the first node, and comes back to it after the last one."""
+"""Tails of a motion: how it leaves rest before the first node, and comes back to it after the last one, as a small motion."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from invtrack.arrays import Array
-from invtrack.inversion.axis_zeros import split_through_axis
-from invtrack.inversion.inverse_system import inverse_systems
+from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.inversion.nonlinear.problem import MotionProblem
-from invtrack.inversion.nonlinear.shooting import Motion
+from invtrack.inversion.nonlinear.shooting import Motion, Shooting
+from invtrack.inversion.nonlinear.transfer import Known, Outside
 from invtrack.linear.propagation import Propagator
-from invtrack.linear.state_space import StateSpace
-from invtrack.linear.switched import SwitchedSystem, as_switched
-from invtrack.plans.dynamics import Dynamics
-from invtrack.plans.tail import Side, Tail
+from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.tail import SIDES, Tail
 
-CUT = 1e-10
-"""Singular values of a tail's directions below this share of the largest are none."""
+ENDS = (0, -1)
+"""Of a mesh, before and after the manoeuvre."""
 
 
-def linear_tail(model: StateSpace, away: Array, size: Array, side: Side) -> Tail:
-    """[x; u; y] outside the window, as deviations from rest, with the output held.
+def known(problem: MotionProblem, shooting: Shooting, motion: Motion) -> Known:
+    """A motion with its tails in the tangent spaces at rest, to start others from."""
+    before, after = (_outside(problem, shooting, motion, end) for end in ENDS)
+    return Known(shooting, motion, (before, after))
 
-    What of the distance from rest lies in the antistable (before) or stable (after) internal dynamics dies out along them; what
-    does not, such as where a vehicle that may stand anywhere comes to rest, is held.
+
+def tails_of(problem: MotionProblem, shooting: Shooting, motion: Motion, model: SwitchedSystem) -> tuple[Tail, Tail]:
+    """[x; u; y] of the plan before and after a motion, as deviations from rest.
+
+    What of the distance from rest lies in the antistable (before) or stable (after) zeros dies out along them; what does not, such
+    as where a vehicle that may stand anywhere comes to rest, is held.
 
     Args:
-        model: the linear model at that end.
-        away: the state's distance from rest at the edge of the window (n,).
-        size: peaks of the states, in which distances count (n,).
-        side: of the motion.
+        problem, shooting, motion: of the plan.
+        model: whose rests the plan's values count from.
     """
-    plant = as_switched(model)
-    (inverse,) = inverse_systems(plant, split_through_axis(plant))
-    n = model.n_states
-    if side == "before":
-        part, A = inverse.system.backward, -inverse.system.backward.A
-        X = part.X
-    else:
-        decaying = inverse.system.decaying
-        part = inverse.system.forward
-        A, X = part.A[:decaying, :decaying], part.X[:, :decaying]
-    v = np.zeros(0)
-    if X.shape[1]:
-        v = np.asarray(np.linalg.lstsq(X[:n] / size[:, None], away / size, rcond=CUT)[0], dtype=float)
-    held = np.zeros(len(part.X))
-    held[:n] = away - X[:n] @ v
+    before, after = (_tail(problem, shooting, motion, model, end) for end in ENDS)
+    return before, after
+
+
+def tail_errors(problem: MotionProblem, shooting: Shooting, motion: Motion) -> Array:
+    """How far the tails (2,) are from the conditions of a further element before and after the mesh.
+
+    The larger of the outputs' misses there, as a share of their motion, and of the gap that the element leaves, as a share of the
+    states' peaks and per time of the tail's own. They fall with the square of the distance from rest.
+    """
+    mesh, whole, found = shooting.mesh, known(problem, shooting, motion), np.zeros(2)
+    for end, outside, held in zip(ENDS, whole.outside, problem.held_outputs, strict=True):
+        if not outside.tail.departs:
+            continue
+        H = float(mesh.lengths[end])
+        edges = np.array([mesh.edges[0] - H, mesh.edges[0]] if end == 0 else [mesh.edges[-1], mesh.edges[-1] + H])
+        wanted = np.broadcast_to(held[:, None], (1, len(held), shooting.scheme.count))
+        further = replace(shooting, mesh=Mesh(edges, mesh.interval[[end]]), wanted=wanted)
+        small = whole.on(further.mesh, shooting.scheme.count)
+        gaps, away = further.misses(small, further.nodes(small))
+        share = np.max(np.abs(gaps) / shooting.sizes(motion)) / (H * abs(outside.tail.departure.growth))
+        found[end] = max(share, np.max(np.abs(away[0]) / shooting.motion_size[:, None]))
+    return found
+
+
+def _outside(problem: MotionProblem, shooting: Shooting, motion: Motion, end: int) -> Outside:
+    dynamics, rest, point = problem.dynamics[end], shooting.ends[end].rest, motion.points[end]
+    away = dynamics.difference(point[None], rest.point[None])[0]
+    departure = shooting.ends[end].departure(SIDES[end])
+    return Outside(dynamics, rest, _departing(np.vstack([departure.X, departure.U]), departure.A, departure.V @ away, away, end))
+
+
+def _tail(problem: MotionProblem, shooting: Shooting, motion: Motion, model: SwitchedSystem, end: int) -> Tail:
+    dynamics, rest, point = problem.dynamics[end], shooting.ends[end].rest, motion.points[end][None]
+    departure, linear = shooting.ends[end].departure(SIDES[end]), problem.linear_models[end]
+    X = dynamics.state_rates(np.repeat(rest.point[None], departure.X.shape[1], axis=0), departure.X.T).T
+    v = departure.V @ dynamics.difference(point, rest.point[None])[0]
+    rows = np.vstack([X, departure.U, linear.C @ X + linear.D @ departure.U])
+    return _departing(rows, departure.A, v, dynamics.states(point)[0] - model.rest_states[end], end)
+
+
+def _departing(X: Array, A: Array, v: Array, away: Array, end: int) -> Tail:
+    """The tail with values X exp(A t) v, of which the first ones begin at `away` (n,): what they lack is held."""
+    held = np.zeros(len(X))
+    held[: len(away)] = away - X[: len(away)] @ v
+    direction = 1 if end else -1
     return Tail(
-        direction=-1 if side == "before" else 1,
-        departure=Propagator(A),
+        direction=direction,
+        departure=Propagator(direction * A),
         X=X,
         v=v,
         S=np.zeros((1, 1)),
         X_w=held[:, np.newaxis],
         w=np.ones(1),
     )
-
-
-def tail_error(dynamics: Dynamics, point: Array, tail: Tail, model: StateSpace, sizes: tuple[Array, Array]) -> float:
-    """How far a linear tail is from the plant's equations at the edge of the window, where it is furthest from rest.
-
-    The larger of the outputs' distance from those held, as a share of their motion, and what the states' rates are off, within
-    the tail's own time, as a share of the states' peaks; it falls with the square of the distance from rest.
-
-    Args:
-        dynamics: of the plant there.
-        point: at the edge (.,).
-        tail: that begins in it.
-        model: the linear model of that end.
-        sizes: of states (n,) and outputs (p,).
-    """
-    if not tail.departs:
-        return 0.0
-    n, m = model.n_states, model.n_inputs
-    inputs = (model.operating_point.u0 + tail.X[n : n + m] @ tail.v)[None]
-    rates, outputs = dynamics.evaluate(point[None], inputs)
-    away = np.abs(dynamics.output_difference(outputs[0], model.operating_point.y0)) / sizes[1]
-    planned = tail.direction * tail.X[:n] @ (tail.departure.M @ tail.v)
-    off = np.abs(dynamics.state_rates(point[None], rates)[0] - planned) / sizes[0] / abs(tail.departure.growth)
-    return float(max(np.max(away), np.max(off)))
-
-
-def tails_of(problem: MotionProblem, motion: Motion, model: SwitchedSystem, size: Array) -> tuple[Tail, Tail]:
-    """The linear tails before and after a motion.
-
-    Args:
-        problem: whose linear models they follow.
-        motion: whose first and last nodes they begin in.
-        model: whose rests the plan's values count from.
-        size: peaks of the states (n,).
-    """
-    away = problem.dynamics[0].states(motion.points[[0, -1]]) - model.rest_states[[0, -1]]
-    first, last = problem.linear_models[0], problem.linear_models[-1]
-    return linear_tail(first, away[0], size, "before"), linear_tail(last, away[1], size, "after")

@@ -2,57 +2,75 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from invtrack.arrays import Array
 from invtrack.inversion.nonlinear.elements import legendre
+from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.inversion.nonlinear.shooting import Motion, Shooting
 from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.dynamics import Dynamics
 from invtrack.plans.plan import intervals_of_pieces
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import PolynomialSegments, Trajectory
 
 ALONG = 2.0**-13
-"""Time step [elements] over which the outputs' rate of change is measured along the motion."""
+"""Time step [pieces] over which the outputs' rate of change is measured along the motion."""
 
 
 def trajectory_of(shooting: Shooting, motion: Motion, model: SwitchedSystem, tails: tuple[Tail, Tail]) -> Trajectory:
     """[x; u; y] as deviations from the rest of the model's interval in which each element lies.
 
-    x and y are Hermite's polynomials through values and rates at an even number of times (two per coefficient of the input, at
-    most five); u is the polynomial of the motion itself.
+    An element whose integration is refined makes as many pieces. On each, x and y are Hermite's polynomials through values and
+    rates at an even number of times (two per coefficient of the input, at most five); u is the polynomial of the motion itself.
 
     Args:
         shooting, motion: the conditions, and the motion that meets them.
         model: whose rests states, inputs and outputs are measured from.
         tails: before and after the motion.
     """
-    mesh, scheme = shooting.mesh, shooting.scheme
-    stride = max(1, scheme.steps // 4)
-    nodes = shooting.nodes(motion)[:, ::stride]
+    mesh, scheme, n, m = shooting.mesh, shooting.scheme, model.n_states, model.n_inputs
+    parts, steps = scheme.refinement, 2 * scheme.count
+    pieces = mesh.split(np.full(len(mesh), parts))
+    nodes = shooting.nodes(motion)[:, steps * np.arange(parts)[:, None] + np.arange(0, steps + 1, max(1, steps // 4))]
+    nodes = nodes.reshape(len(pieces), -1, nodes.shape[3])
     shares = np.linspace(0.0, 1.0, nodes.shape[1])
-    inputs = np.einsum("kim,ji->kjm", motion.coefficients, legendre(scheme.count, shares))
-    x, x_rate, y, y_rate = _values_and_rates(shooting, motion, nodes, inputs, shares)
-    piece = intervals_of_pieces(model, mesh.edges)
-    rest = np.hstack([model.rest_states, model.rest_inputs, model.rest_outputs])[piece[1:-1]][:, None]
-    n, m = model.n_states, model.n_inputs
-    lengths = mesh.lengths[:, None, None]
-    degree = 2 * len(shares) - 1
-    coefficients = np.zeros((len(mesh), degree + 1, n + m + model.n_outputs))
+    u = _on_pieces(motion.coefficients, parts)
+    x, x_rate, y, y_rate = _values_and_rates(shooting.dynamics, pieces, nodes, u, shares)
+    rest = np.hstack([model.rest_states, model.rest_inputs, model.rest_outputs])[
+        intervals_of_pieces(model, pieces.edges)[1:-1], None
+    ]
+    lengths = pieces.lengths[:, None, None]
+    coefficients = np.zeros((len(pieces), 2 * len(shares), n + m + model.n_outputs))
     coefficients[:, :, :n] = _hermite(shares, x - rest[:, :, :n], x_rate * lengths)
     coefficients[:, :, n + m :] = _hermite(shares, y - rest[:, :, n + m :], y_rate * lengths)
-    powers = np.linalg.solve(np.vander(shares_of(scheme.count), scheme.count, increasing=True), _samples(motion, scheme.count))
-    coefficients[:, : scheme.count, n : n + m] = powers
+    coefficients[:, : scheme.count, n : n + m] = np.linalg.solve(
+        np.vander(shares_of(scheme.count), scheme.count, increasing=True), _at(u, shares_of(scheme.count))
+    )
     coefficients[:, 0, n : n + m] -= rest[:, 0, n : n + m]
-    count = np.arange(len(mesh))
     return Trajectory(
-        breakpoints=mesh.edges,
-        groups=(PolynomialSegments(coefficients, mesh.lengths),),
-        group=np.zeros(len(mesh), dtype=np.intp),
-        number=count,
+        breakpoints=pieces.edges,
+        groups=(PolynomialSegments(coefficients, pieces.lengths),),
+        group=np.zeros(len(pieces), dtype=np.intp),
+        number=np.arange(len(pieces)),
         before=tails[0],
         after=tails[1],
     )
+
+
+def _on_pieces(coefficients: Array, parts: int) -> Array:
+    """Those of the same polynomials on even parts of their elements (N parts, s, m)."""
+    N, count, m = coefficients.shape
+    within = (np.arange(parts)[:, None] + shares_of(count)) / parts
+    values = _at(coefficients, within.ravel()).reshape(N * parts, count, m)
+    return np.asarray(np.linalg.solve(legendre(count, shares_of(count)), values))
+
+
+def _at(coefficients: Array, shares: Array) -> Array:
+    """Values (N, k, m) of polynomials at shares (k,) of their elements."""
+    return np.asarray(np.einsum("kim,ji->kjm", coefficients, legendre(coefficients.shape[1], shares)))
 
 
 def shares_of(count: int) -> Array:
@@ -60,37 +78,30 @@ def shares_of(count: int) -> Array:
     return np.asarray((np.polynomial.legendre.leggauss(count)[0] + 1) / 2)
 
 
-def _samples(motion: Motion, count: int) -> Array:
-    return np.asarray(np.einsum("kim,ji->kjm", motion.coefficients, legendre(count, shares_of(count))))
-
-
 def _values_and_rates(
-    shooting: Shooting, motion: Motion, nodes: Array, inputs: Array, shares: Array
+    dynamics: Sequence[Dynamics], pieces: Mesh, nodes: Array, u: Array, shares: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """States and outputs with their rates at nodes (N, k, .) with inputs (N, k, m).
+    """States and outputs with their rates at nodes of pieces (N, k, .).
 
     Args:
-        shooting, motion: of the plan.
-        nodes, inputs: where values are wanted.
-        shares: of their elements (k,).
+        dynamics: of each interval.
+        pieces, nodes, u: the pieces, their nodes, and coefficients of the inputs on them (N, s, m).
+        shares: of the pieces at which the nodes lie (k,).
     """
     N, k = nodes.shape[:2]
+    inputs, step = _at(u, shares), ALONG
+    derivative = np.array([_derivative(u.shape[1], share) for share in shares])
+    input_rates = np.einsum("kim,ji->kjm", u, derivative)  # per piece
     result = []
-    step = ALONG
-    derivative = np.array([_derivative(motion.coefficients.shape[1], share) for share in shares])
-    input_rates = np.einsum("kim,ji->kjm", motion.coefficients, derivative)  # per element
-    for interval in np.unique(shooting.mesh.interval):
-        chosen = np.flatnonzero(shooting.mesh.interval == interval)
-        dynamics = shooting.dynamics[interval]
-        points, u = nodes[chosen].reshape(-1, nodes.shape[2]), inputs[chosen].reshape(-1, inputs.shape[2])
-        rates, y = dynamics.evaluate(points, u)
-        time = np.repeat(step * shooting.mesh.lengths[chosen], k)[:, None]
-        change = step * input_rates[chosen].reshape(u.shape)
-        ahead, back = (
-            dynamics.evaluate(dynamics.retract(points, sign * time * rates), u + sign * change)[1] for sign in (1.0, -1.0)
-        )
-        y_rate = dynamics.output_difference(ahead, back) / (2 * time)
-        result.append((chosen, (dynamics.states(points), dynamics.state_rates(points, rates), y, y_rate)))
+    for interval in np.unique(pieces.interval):
+        chosen, own = np.flatnonzero(pieces.interval == interval), dynamics[interval]
+        points, values = nodes[chosen].reshape(-1, nodes.shape[2]), inputs[chosen].reshape(-1, inputs.shape[2])
+        rates, y = own.evaluate(points, values)
+        time = np.repeat(step * pieces.lengths[chosen], k)[:, None]
+        change = step * input_rates[chosen].reshape(values.shape)
+        ahead, back = (own.evaluate(own.retract(points, sign * time * rates), values + sign * change)[1] for sign in (1.0, -1.0))
+        y_rate = own.output_difference(ahead, back) / (2 * time)
+        result.append((chosen, (own.states(points), own.state_rates(points, rates), y, y_rate)))
     x, x_rate, y, y_rate = (np.empty((N, k, values.shape[1])) for values in result[0][1])
     for chosen, found in result:
         for whole, values in zip((x, x_rate, y, y_rate), found, strict=True):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.integrate
 import scipy.linalg
 
 import invtrack
@@ -15,7 +16,8 @@ from invtrack.inversion.nonlinear.ends import End
 from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.inversion.nonlinear.rest import Rest, rest_with
 from invtrack.plans.dynamics import Dynamics, mechanism
-from tests.inversion.nonlinear.mechanisms import cart_pole, flexible_joint, pvtol
+from invtrack.plans.tail import Side
+from tests.inversion.nonlinear.mechanisms import cart_pole, flexible_joint, link, pvtol
 
 
 def at_rest(plant: invtrack.Plant) -> tuple[Dynamics, Rest]:
@@ -37,16 +39,43 @@ def test_slow_zeros_show_as_their_exponentials(count: int) -> None:
         assert np.min(np.abs(found - np.exp(zero * length))) < 1e-4 * length
 
 
-def test_small_motions_leave_rest_and_return_along_the_slow_zeros() -> None:
+@pytest.mark.parametrize("count", [1, 4])
+@pytest.mark.parametrize("side", ["before", "after"])
+def test_small_motions_leave_rest_and_return_along_the_slow_zeros(side: Side, count: int) -> None:
     """With the cart held a pole falls away, and comes back to rest, as exp(z t) at the rates of its two zeros."""
-    plant, length, count = cart_pole(), 0.02, 5
+    plant, length = cart_pole(), 0.02
     dynamics, rest = at_rest(plant)
     zeros = invtrack.linear.zeros(invtrack.linearize(plant))
-    end = End.of(dynamics, rest, Scheme(4, (False,)), length, zeros)
-    steps = np.arange(1, count + 1)
-    for states, zero, order in ((end.leaving, np.max(zeros.real), -steps[::-1]), (end.returning, np.min(zeros.real), steps)):
-        falling = np.array([0.0, 1.0, 0.0, zero])  # cart, pole and their rates
-        np.testing.assert_allclose(states(falling, count), np.outer(np.exp(zero * length * order), falling), atol=1e-5)
+    found = End.of(dynamics, rest, Scheme(count, (False,)), length, zeros).departure(side)
+    growing, decaying = np.max(zeros.real), np.min(zeros.real)
+    own, other = (growing, decaying) if side == "before" else (decaying, growing)
+    np.testing.assert_allclose(found.A, [[own]], rtol=2e-4)
+    falling, not_so = (np.array([0.0, 1.0, 0.0, z]) for z in (own, other))  # cart, pole and their rates
+    np.testing.assert_allclose(found.X @ (found.V @ falling), falling, atol=3e-3)
+    np.testing.assert_allclose(found.V @ not_so, 0.0, atol=3e-3 * abs(float((found.V @ falling)[0])))
+
+
+@pytest.mark.parametrize("count", [1, 4])
+def test_small_motions_about_rest_are_those_of_the_elements(count: int) -> None:
+    """An element that starts on one, with the mean of its input, ends on it, the output met in between."""
+    plant, length, small = link(), 0.005, 1e-5
+    dynamics, rest = at_rest(plant)
+    scheme = Scheme(count, (False,))
+    end = End.of(dynamics, rest, scheme, length, invtrack.linear.zeros(invtrack.linearize(plant)))
+    found = end.departure("after")
+    assert found.A.shape[0] >= 1
+    v = small * np.ones(found.A.shape[0])
+    times = np.linspace(0.0, length, 2001)
+    u = np.array([found.U @ scipy.linalg.expm(found.A * t) @ v for t in times])
+    mean = scipy.integrate.simpson(u, x=times, axis=0) / length
+    x_0, x_1 = found.X @ v, found.X @ scipy.linalg.expm(found.A * length) @ v
+    coefficients = (end.inputs @ x_0).reshape(1, count, -1)
+    np.testing.assert_allclose(coefficients[0, 0], mean, rtol=1e-9)
+    coefficients[0, 0] += rest.inputs
+    start = dynamics.retract(rest.point[None], x_0[None])
+    nodes = dynamics.motion(start, coefficients, scheme.basis, np.array([length]))
+    reached = dynamics.difference(nodes[0, -1:], rest.point[None])[0]
+    np.testing.assert_allclose(reached, x_1, atol=1e-4 * np.max(np.abs(x_1)) + 10 * small**2)
 
 
 def test_sampling_zeros_of_a_double_integrator() -> None:
@@ -109,12 +138,11 @@ def test_block_bidiagonal_problem_against_a_dense_solve() -> None:
 
 def test_elements_are_split_where_they_were() -> None:
     mesh = Mesh.even(np.array([0.0, 1.0, 3.0]), np.array([1.0]), 0.5)
-    finer, owner, shares = mesh.split(np.array([1, 2, 1, 4, 1, 3]))
+    finer = mesh.split(np.array([1, 2, 1, 4, 1, 3]))
     np.testing.assert_allclose(np.diff(finer.edges), finer.lengths)
     assert set(mesh.edges) <= set(finer.edges)
-    np.testing.assert_array_equal(owner, [0, 1, 1, 2, 3, 3, 3, 3, 4, 5, 5, 5])
-    np.testing.assert_allclose(shares[1:3], [[0.0, 0.5], [0.5, 1.0]])
-    np.testing.assert_array_equal(finer.interval, mesh.interval[owner])
+    np.testing.assert_allclose(finer.lengths, [0.5, 0.25, 0.25, 0.5, *[0.125] * 4, 0.5, *[1 / 6] * 3])
+    np.testing.assert_array_equal(finer.interval, [0, 0, 0, *[1] * 9])
 
 
 def moved(distance: float = 1.0) -> invtrack.Plan:

@@ -99,4 +99,7 @@ def test_plans_far_outside_the_window_are_those_of_the_linear_models() -> None:
     assert plan.breakpoints[0] > whole.breakpoints[0] + 0.5  # asked for more, the window reaches further out
     t = np.linspace(-5.0, 7.0, 601)
     np.testing.assert_allclose(plan.states(t), whole.states(t), atol=1e-7)
-    np.testing.assert_allclose(plan.inputs(t), whole.inputs(t), atol=1e-7)
+    outside = (t < plan.breakpoints[0]) | (t > plan.breakpoints[-1])
+    np.testing.assert_allclose(plan.inputs(t[outside]), whole.inputs(t[outside]), atol=1e-7)
+    # Within, inputs are cubics on each element, off by their next term.
+    np.testing.assert_allclose(plan.inputs(t), whole.inputs(t), atol=4e-7 * np.max(np.abs(whole.inputs(t))))

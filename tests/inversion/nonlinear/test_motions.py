@@ -51,17 +51,16 @@ CASES = {
         5e-5,
     ),
     "flexible link, payloads": (link, invtrack.rest_to_rest(0.0, np.pi / 2, duration=1.0), PAYLOADS, 2e-4),
+    "flexible link, raised with payloads": (
+        lambda: link(hanging=True),
+        invtrack.rest_to_rest(-np.pi / 3, np.pi / 6, duration=1.0),
+        PAYLOADS,
+        4e-4,
+    ),
 }
 
-
-@pytest.mark.parametrize("case", ["cart-pole, 3 m", "cart-pole, 10 m", "flexible joint, raised", "pvtol, 3 m"])
-def test_few_steps_of_newton_find_the_motion(case: str) -> None:
-    """From rest, longer windows and finer meshes included: what is added starts from what small motions about rest do."""
-    make, reference, schedule, _ = CASES[case]
-    steps = invtrack.invert(make(), reference, schedule=schedule).iterations  # type: ignore[attr-defined]
-    assert len(steps) <= 6
-    longer = [step for before, step in pairwise(steps) if step.elements != before.elements]
-    assert all(step.step < 1e-3 for step in longer)
+STEPS = 6
+"""Of Newton's method, from rest to the plan, on all meshes together."""
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -70,18 +69,40 @@ def test_a_plan_with_its_inputs_averaged_over_each_step(case: str) -> None:
     plant = make()
     plan = invtrack.invert(plant, reference, schedule=schedule)
     assert driven(plant, plan) <= limit
+    assert len(plan.iterations) <= STEPS  # type: ignore[attr-defined]
     assert plan.certificate.worst(exact=True) <= 1e-7
     assert plan.certificate.rest_residual <= 1e-8
     assert len(plan.schedule) == len(schedule)
 
 
-@pytest.mark.parametrize("case", ["cart-pole, 3 m", "flexible joint, raised", "pvtol, 3 m", "flexible link, payloads"])
+@pytest.mark.parametrize("case", ["cart-pole, 3 m", "two flexible joints", "pvtol, 3 m", "flexible link, raised"])
 def test_a_plan_for_the_hold_that_drives_it(case: str) -> None:
     make, reference, schedule, _ = CASES[case]
     plant = make()
     plan = invtrack.invert(plant, reference, schedule=schedule, hold=1e-3)
+    assert isinstance(plan, invtrack.inversion.MotionPlan)
     assert driven(plant, plan) <= 1e-7
+    assert len(plan.iterations) <= STEPS
+    assert plan.iterations[0].coefficients > plan.iterations[-1].coefficients == 1
     assert any("zero-order hold of 0.001 s" in remark for remark in plan.remarks)
+
+
+def test_beside_a_jump_a_hold_leaves_what_it_cannot_follow() -> None:
+    """Zeros at 660 rad/s ask for an input that changes within a hold of 1 ms: between the points it leaves a ripple, as planned."""
+    make, reference, schedule, _ = CASES["flexible link, raised with payloads"]
+    plant, errors = make(), []
+    for hold in (1e-3, 5e-4):
+        plan = invtrack.invert(plant, reference, schedule=schedule, hold=hold)
+        assert isinstance(plan, invtrack.inversion.MotionPlan)
+        assert len(plan.iterations) <= STEPS
+        controller = invtrack.TrackingController(plan, invtrack.lqr(plan, Q=1.0, R=1.0))
+        run = invtrack.simulate(plant, controller, timestep=hold)
+        error = np.abs(run.output.values - run.reference.values)[:, 0] / (np.pi / 2)
+        beside = np.any([np.abs(run.time - change.time) < 3e-3 for change in schedule], axis=0)
+        assert np.max(error[~beside]) <= 1e-7
+        assert np.max(error) <= plan.certificate.output_error
+        errors.append(np.max(error[beside]))
+    assert np.log2(errors[0] / errors[1]) > 2.5
 
 
 def test_averaging_over_each_step_costs_its_square() -> None:
@@ -94,14 +115,15 @@ def test_averaging_over_each_step_costs_its_square() -> None:
 
 def test_newton_converges_quadratically_and_says_so() -> None:
     seen: list[float] = []
-    plan = invtrack.invert(cart_pole(), invtrack.rest_to_rest(0.0, 3.0, duration=2.0), progress=seen.append)
+    plan = invtrack.invert(cart_pole(), invtrack.rest_to_rest(0.0, 10.0, duration=2.0), progress=seen.append)
     assert isinstance(plan, invtrack.inversion.MotionPlan)
     assert set(seen) == {1.0}
     steps = [iteration.step for iteration in plan.iterations]
-    assert len(steps) <= 6
     assert steps[0] == pytest.approx(1.0)  # from rest: this one is the linear inverse on the same elements
-    assert steps[2] <= 10 * steps[1] ** 2
-    assert plan.iterations[-1].step <= 1e-8
+    assert steps[1] > 0.1
+    assert all(after <= before**2 for before, after in pairwise(steps[1:]))
+    assert plan.iterations[-1].mesh > 1  # although the mesh has changed on the way
+    assert plan.iterations[-1].elements > plan.iterations[0].elements
 
 
 def test_a_motion_that_newton_does_not_reach_at_once_is_followed() -> None:

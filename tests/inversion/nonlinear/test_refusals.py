@@ -110,7 +110,7 @@ def test_a_schedule_with_unknown_parameters() -> None:
 
 
 def test_too_many_holds() -> None:
-    with pytest.raises(invtrack.errors.PlanError, match=r"elements of 0.0001 s, of which 20000 are planned at most"):
+    with pytest.raises(invtrack.errors.PlanError, match=r"in holds of 0.0001 s, \d+ in number, of which 20000 are planned at most"):
         invtrack.invert(cart_pole(), slew(1.0), hold=1e-4)
 
 
