@@ -62,8 +62,8 @@ class Dynamics(Protocol):
         """Rates x' (k, n) and outputs (k, p) at points (k, .) with inputs (k, m)."""
         ...
 
-    def derivatives(self, points: Array, inputs: Array) -> Derivatives:
-        """The same and their derivatives."""
+    def derivatives(self, points: Array, inputs: Array, *, rough: bool = False) -> Derivatives:
+        """The same and their derivatives; rough: as good as the steps of an iteration need them, at about half the work."""
         ...
 
     def retract(self, points: Array, tangents: Array) -> Array:

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 STEP = 2.0**-17
 """Perturbation of states and inputs in central differences, in radians, metres (of small mechanisms: extents) and their rates."""
 
+SMALL_STEP = 2.0**-25
+"""The same in one-sided differences."""
+
 FEWEST = 32
 """States that a thread is worth starting for."""
 
@@ -101,13 +104,14 @@ class PlantDynamics:
         return ThreadPoolExecutor(len(self._machines))
 
     @cached_property
-    def _steps(self) -> Array:
+    def _sizes(self) -> Array:
+        """Of states and inputs, by which they are perturbed (n + m,)."""
         length = min(1.0, float(self._model.stat.extent))
         places = np.where(np.array([unit == "m" for unit in tangent_units(self._model)]), length, 1.0)
         configuration = self.plant.configuration
         act = np.maximum(1.0, np.abs(configuration.act))
         controls = np.maximum(1.0, np.abs(configuration.ctrl[self.plant.input_addresses]))
-        return STEP * np.concatenate([places, places, act, controls])
+        return np.concatenate([places, places, act, controls])
 
     def _shared(self, work: Callable[[Machine, slice], None], count: int) -> None:
         """Do the work on all of `count` states, on as many threads as are worth it."""
@@ -149,8 +153,8 @@ class PlantDynamics:
         self._shared(work, len(points))
         return np.hstack([points[:, nq : nq + nv], accelerations]), outputs
 
-    def derivatives(self, points: Array, inputs: Array) -> Derivatives:
-        """Rates, outputs and their derivatives, by central differences; see `Dynamics.derivatives`."""
+    def derivatives(self, points: Array, inputs: Array, *, rough: bool = False) -> Derivatives:
+        """Rates, outputs and their derivatives, by central differences, or by one-sided ones; see `Dynamics.derivatives`."""
         rates, outputs = self.evaluate(points, inputs)
         k, n, m, nv, p = len(points), self.size, len(self.plant.inputs), self._model.nv, len(self.plant.outputs)
         A, B, C, D = (np.zeros((k, rows, columns)) for rows in (n, p) for columns in (n, m))
@@ -162,25 +166,41 @@ class PlantDynamics:
         block = max(1, IN_MEMORY // (2 * (n + m) * (n - nv + p)))
         for start in range(0, k, block):
             part = slice(start, min(start + block, k))
-            acceleration, output = self._differences(points[part], inputs[part])
+            if rough:
+                acceleration, output = self._one_sided(points[part], inputs[part], rates[part, nv:], outputs[part])
+            else:
+                acceleration, output = self._central(points[part], inputs[part])
             A[part, nv:], B[part, nv:] = acceleration[:, :, :n], acceleration[:, :, n:]
             C[part], D[part] = output[:, :, :n], output[:, :, n:]
         return Derivatives(rates, outputs, A, B, C, D)
 
-    def _differences(self, points: Array, inputs: Array) -> tuple[Array, Array]:
+    def _central(self, points: Array, inputs: Array) -> tuple[Array, Array]:
         """Derivatives (k, nv + na, n + m) of accelerations and (k, p, n + m) of outputs."""
-        points, inputs = np.ascontiguousarray(points, dtype=float), np.ascontiguousarray(inputs, dtype=float)
-        steps, p = self._steps, len(self.plant.outputs)
-        shape = (len(points), len(steps), 2)
-        accelerations, outputs = (np.full((*shape, count), np.nan) for count in (self.size - self._model.nv, p))
+        steps = STEP * self._sizes
+        accelerations, outputs = self._perturbed(points, inputs, np.column_stack([steps, -steps]))
+        change = self.output_difference(outputs[:, :, 0], outputs[:, :, 1])
+        slopes = (accelerations[:, :, 0] - accelerations[:, :, 1]) / (2 * steps[:, None]), change / (2 * steps[:, None])
+        return slopes[0].transpose(0, 2, 1), slopes[1].transpose(0, 2, 1)
+
+    def _one_sided(self, points: Array, inputs: Array, at: Array, outputs_at: Array) -> tuple[Array, Array]:
+        """The same from accelerations (k, nv + na) and outputs (k, p) at the points themselves."""
+        steps = SMALL_STEP * self._sizes
+        accelerations, outputs = self._perturbed(points, inputs, steps[:, None])
+        change = self.output_difference(outputs[:, :, 0], outputs_at[:, None])
+        slopes = (accelerations[:, :, 0] - at[:, None]) / steps[:, None], change / steps[:, None]
+        return slopes[0].transpose(0, 2, 1), slopes[1].transpose(0, 2, 1)
+
+    def _perturbed(self, points: Array, inputs: Array, steps: Array) -> tuple[Array, Array]:
+        """Accelerations (k, n + m, sides, nv + na) and outputs, states and inputs moved by steps (n + m, sides) one at a time."""
+        points, inputs, steps = (np.ascontiguousarray(array, dtype=float) for array in (points, inputs, steps))
+        counts = self.size - self._model.nv, len(self.plant.outputs)
+        accelerations, outputs = (np.full((len(points), *steps.shape, count), np.nan) for count in counts)
 
         def work(own: Machine, part: slice) -> None:
             own.perturbed(points[part], inputs[part], steps, accelerations[part], outputs[part])
 
         self._shared(work, len(points))
-        change = self.output_difference(outputs[:, :, 0], outputs[:, :, 1])
-        slopes = (accelerations[:, :, 0] - accelerations[:, :, 1]) / (2 * steps[:, None]), change / (2 * steps[:, None])
-        return slopes[0].transpose(0, 2, 1), slopes[1].transpose(0, 2, 1)
+        return accelerations, outputs
 
     def retract(self, points: Array, tangents: Array) -> Array:
         """The points at tangents (k, n) from points (k, .)."""

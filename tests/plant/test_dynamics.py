@@ -49,6 +49,17 @@ def test_at_the_operating_point_they_are_those_of_linearize(make: object) -> Non
         np.testing.assert_allclose(getattr(found, name)[0], wanted, atol=1e-8 * max(1.0, np.max(np.abs(wanted))))
 
 
+@pytest.mark.parametrize("make", [cart_pole, link, free_body])
+def test_one_sided_differences_are_near_central_ones(make: object) -> None:
+    plant = make()  # type: ignore[operator]
+    points, u = somewhere(plant, 5)
+    dynamics = dynamics_of(plant)
+    rough, found = dynamics.derivatives(points, u, rough=True), dynamics.derivatives(points, u)
+    for name in "ABCD":
+        ours, wanted = getattr(rough, name), getattr(found, name)
+        np.testing.assert_allclose(ours, wanted, atol=1e-5 * max(1.0, np.max(np.abs(wanted))))
+
+
 @pytest.mark.parametrize("make", [cart_pole, free_body])
 def test_derivatives_carry_a_neighbouring_motion(make: object) -> None:
     """d' = A d + B v: the difference of two motions, each by mj_step, after a short time."""

@@ -19,9 +19,6 @@ from invtrack.references.signal import PiecewiseSignal
 MOST_STEPS = 6000
 """Steps of the replay, in all: so many elements are replayed, spread evenly over the motion, and those beside breakpoints."""
 
-BESIDE = 3
-"""Elements on either side of a breakpoint of the reference and of a change of parameters, where the motion changes fastest."""
-
 
 @dataclass(frozen=True)
 class MotionChecks:
@@ -63,7 +60,8 @@ def certify_motion(
     mesh, n, m = shooting.mesh, model.n_states, model.n_inputs
     # A held input is planned for the steps of its hold; a continuous one must not depend on them.
     steps = shooting.scheme.steps * 3 // 2 if shooting.scheme.count > 1 else shooting.scheme.steps
-    chosen = _replayed(mesh, reference, MOST_STEPS // steps)
+    even = np.linspace(0, len(mesh) - 1, min(max(1, MOST_STEPS // steps), len(mesh))).astype(np.intp)
+    chosen = np.union1d(even, mesh.beside(reference.breakpoints))
     shares = np.arange(1, steps + 1) / steps
     times = np.minimum(mesh.edges[chosen, None] + mesh.lengths[chosen, None] * shares, mesh.edges[chosen + 1, None])
     inside = np.repeat((mesh.edges[chosen] + mesh.edges[chosen + 1]) / 2, steps)
@@ -84,13 +82,6 @@ def certify_motion(
         for other in (wanted[here], y[here]):
             missed = max(missed, float(np.max(np.abs(dynamics.output_difference(outputs, other)) / shooting.motion_size)))
     return Certificate(defect, missed, _continuity(trajectory, model, size), _unrest(trajectory, model, size))
-
-
-def _replayed(mesh: Mesh, reference: PiecewiseSignal, count: int) -> Indices:
-    even = np.linspace(0, len(mesh) - 1, min(max(1, count), len(mesh))).astype(np.intp)
-    changes = np.flatnonzero(np.diff(mesh.interval)) + 1
-    stops = np.concatenate([changes, np.searchsorted(mesh.edges, reference.breakpoints)])
-    return np.unique(np.clip(np.concatenate([even, (stops[:, None] + np.arange(-BESIDE, BESIDE)).ravel()]), 0, len(mesh) - 1))
 
 
 def state_sizes(shooting: Shooting, motion: Motion, model: SwitchedSystem) -> Array:

@@ -43,7 +43,7 @@ def decoupling_along(shooting: Shooting, motion: Motion, orders: tuple[int, ...]
     B_y = np.empty((len(mesh), len(orders), len(orders)))
     for k in np.unique(mesh.interval):
         chosen = np.flatnonzero(mesh.interval == k)
-        found = shooting.dynamics[k].derivatives(motion.points[chosen], inputs[chosen])
+        found = shooting.dynamics[k].derivatives(motion.points[chosen], inputs[chosen], rough=True)
         rows = []
         for i, order in enumerate(orders):
             row: Array = found.C[:, i : i + 1]

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,9 +13,12 @@ import numpy as np
 from invtrack.arrays import Array, Indices
 from invtrack.plans.dynamics import Derivatives, Dynamics
 
-KNOTS = 3
-"""Instants of an element at which derivatives are taken; between them they are parabolas."""
+STEP_ANGLE = 0.25
+"""By how much the fastest mode turns over a step [rad] of a map of an element, where the scheme's own steps are no longer: a fourth
+order method is then off by 3e-5 of it."""
 
+LOOKED_AT = 8
+"""Of so many elements the fastest mode is looked for."""
 
 IN_CACHE = 2**16
 """Numbers of the derivatives of elements that are carried on together."""
@@ -55,18 +60,23 @@ class Scheme:
 
     @property
     def knots(self) -> Indices:
-        """After how many steps derivatives are taken (KNOTS,)."""
-        return np.linspace(0, self.steps, KNOTS).astype(np.intp)
+        """After how many steps derivatives are taken (k,): in the middle, or symmetric to it and near the Gauss points.
+
+        The polynomials between which they are interpolated miss them by what is orthogonal to low powers, and so hardly add up.
+        """
+        if self.count == 1:
+            return np.array([self.refinement], dtype=np.intp)
+        first = int(np.round(self.steps * (1 - 1 / np.sqrt(3)) / 2))
+        return np.array([first, self.steps - first], dtype=np.intp)
 
     @cached_property
     def spread(self) -> Array:
-        """From values at the knots to those at the starts, middles and ends of the steps (2 S + 1, KNOTS)."""
-        at, knots = np.linspace(0.0, 1.0, 2 * self.steps + 1), np.linspace(0.0, 1.0, KNOTS)
-        columns = []
-        for i in range(KNOTS):
-            others = np.delete(knots, i)
-            columns.append(np.prod((at[:, None] - others) / (knots[i] - others), axis=1))
-        return np.column_stack(columns)
+        """From values at the knots to those at the starts, middles and ends of the steps (2 S + 1, k)."""
+        at = np.linspace(0.0, self.steps, 2 * self.steps + 1)
+        if len(self.knots) == 1:
+            return np.ones((len(at), 1))
+        first, second = self.knots
+        return np.asarray(np.column_stack([second - at, at - first]) / (second - first))
 
 
 def legendre(count: int, shares: Array) -> Array:
@@ -107,61 +117,85 @@ class ElementMaps:
 
 
 def element_maps(derivatives: Derivatives, scheme: Scheme, lengths: Array) -> ElementMaps:
-    """The derivative of classical RK4 over each element, in the steps of its scheme, for derivatives of the dynamics at its knots.
+    """The derivative of classical RK4 over each element, for derivatives of the dynamics at its knots.
+
+    Its steps are those of the scheme, or longer ones that follow the fastest mode as well as an iteration needs.
 
     Args:
-        derivatives: at the knots of each element, in order (K KNOTS, ...).
+        derivatives: at the knots of each element, in order (K k, ...).
         scheme: of the elements.
         lengths: of the elements (K,) [s].
     """
     K = len(lengths)
-    at_knots = [a.reshape(K, KNOTS, *a.shape[1:]) for a in (derivatives.A, derivatives.B, derivatives.C, derivatives.D)]
+    at_knots = [a.reshape(K, -1, *a.shape[1:]) for a in (derivatives.A, derivatives.B, derivatives.C, derivatives.D)]
     n, m = at_knots[1].shape[2:]
+    some = at_knots[0][:: max(1, K // LOOKED_AT), 0]
+    turned = float(np.max(np.abs(np.linalg.eigvals(some)), initial=0.0)) * float(np.max(lengths))
+    needed = int(np.ceil(turned / (STEP_ANGLE * 2 * scheme.count))) if np.isfinite(turned) else scheme.refinement
+    scheme = replace(scheme, refinement=min(max(1, needed), scheme.refinement))
     block = max(1, IN_CACHE // (n * (n + scheme.count * m)))
     parts = [slice(start, start + block) for start in range(0, K, block)]
-    found = [_maps_of([a[part] for a in at_knots], scheme, lengths[part]) for part in parts]
-    return ElementMaps(*(np.concatenate(rows) for rows in zip(*found, strict=True)))
+
+    def work(part: slice) -> ElementMaps:
+        return _maps_of([a[part] for a in at_knots], scheme, lengths[part])
+
+    with ThreadPoolExecutor(min(len(parts), os.cpu_count() or 1)) as pool:
+        found = list(pool.map(work, parts))
+    return ElementMaps(*(np.concatenate([getattr(maps, field.name) for maps in found]) for field in fields(ElementMaps)))
 
 
-def _maps_of(at_knots: Sequence[Array], scheme: Scheme, lengths: Array) -> tuple[Array, Array, Array, Array]:
-    """The fields of the maps of K elements, from A, B, C and D at their knots (K, KNOTS, ., .)."""
+def _maps_of(at_knots: Sequence[Array], scheme: Scheme, lengths: Array) -> ElementMaps:
+    """The maps of K elements, from A, B, C and D at their knots (K, k, ., .)."""
     K, s, S = len(lengths), scheme.count, scheme.steps
     n, m = at_knots[1].shape[2:]
     p = at_knots[2].shape[2]
 
     def at(which: int, instant: int) -> Array:
-        return np.asarray(sum(weight * at_knots[which][:, i] for i, weight in enumerate(scheme.spread[instant])))
+        first, *others = scheme.spread[instant]
+        result = first * at_knots[which][:, 0]
+        for i, weight in enumerate(others):
+            result += weight * at_knots[which][:, i + 1]
+        return np.asarray(result)
 
     # Columns: the start, then the coefficients one polynomial after the other.
-    V = np.concatenate([np.broadcast_to(np.eye(n), (K, n, n)), np.zeros((K, n, s * m))], axis=2)
+    V = np.zeros((K, n, n + s * m))
+    V[:, :, :n] = np.eye(n)
     out_x, out_c = np.empty((K, p, s, n)), np.empty((K, p, s, s * m))
     h = (lengths / S)[:, None, None]
+    k, W = np.empty_like(V), np.empty_like(V)
 
-    def slope(instant: int, A: Array, V: Array) -> Array:
-        result = A @ V
-        result[:, :, n:] += np.kron(scheme.basis[instant], at(1, instant)).reshape(K, n, s * m)
-        return result
+    def slope(instant: int, A: Array, V: Array) -> None:
+        np.matmul(A, V, out=k)
+        B = at(1, instant)
+        for i, value in enumerate(scheme.basis[instant]):
+            k[:, :, n + i * m : n + (i + 1) * m] += value * B
+
+    def ahead(step: Array) -> Array:
+        np.multiply(k, step, out=W)
+        np.add(W, V, out=W)
+        return W
 
     A_start = at(0, 0)
     for step in range(S):
         A_middle, A_end = at(0, 2 * step + 1), at(0, 2 * step + 2)
-        k1 = slope(2 * step, A_start, V)
-        k2 = slope(2 * step + 1, A_middle, V + h / 2 * k1)
-        k3 = slope(2 * step + 1, A_middle, V + h / 2 * k2)
-        k4 = slope(2 * step + 2, A_end, V + h * k3)
-        V, A_start = V + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), A_end
+        slope(2 * step, A_start, V)
+        total = k.copy()
+        for instant, A, after, weight in ((1, A_middle, h / 2, 2.0), (1, A_middle, h / 2, 2.0), (2, A_end, h, 1.0)):
+            slope(2 * step + instant, A, ahead(after))
+            total += weight * k
+        V, A_start = V + h / 6 * total, A_end
         for output, point in np.argwhere(scheme.points == step + 1):
             C, D = at(2, 2 * step + 2)[:, output : output + 1], at(3, 2 * step + 2)[:, output]
             rows = (C @ V)[:, 0]
             out_x[:, output, point], out_c[:, output, point] = rows[:, :n], rows[:, n:]
             out_c[:, output, point] += (scheme.basis[2 * step + 2][:, None] * D[:, None, :]).reshape(K, s * m)
-    return V[:, :, :n], V[:, :, n:], out_x.reshape(K, p * s, n), out_c.reshape(K, p * s, s * m)
+    return ElementMaps(V[:, :, :n], V[:, :, n:], out_x.reshape(K, p * s, n), out_c.reshape(K, p * s, s * m))
 
 
 def map_at_rest(dynamics: Dynamics, point: Array, inputs: Array, scheme: Scheme, length: float) -> ElementMaps:
     """Those of one element of that length [s] at an equilibrium."""
     found = dynamics.derivatives(point[None], inputs[None])
-    repeated = Derivatives(*(np.repeat(a, KNOTS, axis=0) for a in vars(found).values()))
+    repeated = Derivatives(*(np.repeat(a, len(scheme.knots), axis=0) for a in vars(found).values()))
     return element_maps(repeated, scheme, np.array([length]))
 
 

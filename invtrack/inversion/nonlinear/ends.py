@@ -20,8 +20,17 @@ from invtrack.plans.tail import Side
 NEUTRAL = 1e-5
 """Multipliers up to 1 + this count as not expanding: states that act on nothing, and zeros at the origin."""
 
+LASTING = 1.5
+"""Multipliers with |log |lambda|| above this die out within the elements before and after a manoeuvre, twelve at least."""
+
+ALTERNATING = 2.5
+"""Multipliers with angles above this [rad] alternate from element to element, as no motion in time does."""
+
 SLOW = 1.0
-"""A zero z is resolved by elements of length H where |z| H is below this: it shows as a multiplier exp(z H)."""
+"""A zero z is resolved by elements of length H where |z| H is below this: it shows as a multiplier near exp(z H)."""
+
+SLOW_PER_COEFFICIENT = 0.5
+"""The same for each coefficient of an input on an element, where that is more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +81,9 @@ class End:
         """The end at an equilibrium, for elements of that length [s]. Raises LinAlgError where the input acts on no output."""
         maps = map_at_rest(dynamics, rest.point, rest.inputs, scheme, length)
         M, (scale, _) = scipy.linalg.matrix_balance(maps.exact[0], permute=False, separate=True)
-        return cls(rest, length, M, scale, -maps.inverse[0][0], zeros, _gap(np.linalg.eigvals(M), zeros * length))
+        return cls(
+            rest, length, M, scale, -maps.inverse[0][0], zeros, _gap(np.linalg.eigvals(M), _slow(zeros * length, scheme.count))
+        )
 
     @property
     def expanding(self) -> int:
@@ -88,10 +99,11 @@ class End:
         return self._rows(expanding=True)
 
     def departure(self, side: Side) -> Departure:
-        """Motions about rest that die out away from a manoeuvre, on that side of it, in the zeros that the elements resolve."""
+        """Motions about rest that die out away from a manoeuvre, on that side of it, but not within a few elements."""
         multipliers = np.linalg.eigvals(self.M)
         outward = np.abs(multipliers) > 1 + NEUTRAL if side == "before" else np.abs(multipliers) < 1 - NEUTRAL
-        slow = np.isin(np.arange(len(multipliers)), _resolved(multipliers, self.zeros * self.length)) & outward
+        lasting = np.abs(np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny))) < LASTING
+        slow = outward & lasting & (np.abs(np.angle(multipliers)) < ALTERNATING)
 
         def among(re: float, im: float) -> int:
             return int(np.argmin(np.abs(multipliers - complex(re, im))))
@@ -133,17 +145,22 @@ def unstable(found: ComplexArray, unit: float) -> int:
     return int(np.sum(found.real > NEUTRAL * unit))
 
 
+def _slow(zeros: ComplexArray, count: int) -> ComplexArray:
+    """Those of the zeros, z H (k,), that elements with so many coefficients of each input resolve."""
+    return zeros[np.abs(zeros) < max(SLOW, SLOW_PER_COEFFICIENT * count)]
+
+
 def _resolved(multipliers: NDArray[Any], zeros: ComplexArray) -> Indices:
-    """Which multipliers are nearest to exp(z H) of the zeros, z H (k,), that elements resolve."""
+    """Which multipliers are nearest to exp(z H) of zeros, z H (k,)."""
     left = list(range(len(multipliers)))
     found = []
-    for zero in sorted(zeros[np.abs(zeros) < SLOW], key=abs):
+    for zero in sorted(zeros, key=abs):
         if left:
             found.append(left.pop(int(np.argmin(np.abs(multipliers[left] - np.exp(zero))))))
     return np.array(found, dtype=np.intp)
 
 
 def _gap(multipliers: NDArray[Any], zeros: ComplexArray) -> float:
-    """Smallest |log |lambda|| of the multipliers but those of the zeros, z H (k,), that elements resolve."""
+    """Smallest |log |lambda|| of the multipliers but those of zeros, z H (k,)."""
     sizes = np.abs(np.delete(multipliers, _resolved(multipliers, zeros)))
     return float(np.min(np.abs(np.log(np.maximum(sizes, np.finfo(float).tiny))), initial=np.inf))

@@ -10,6 +10,9 @@ import numpy as np
 
 from invtrack.arrays import Array, Indices
 
+BESIDE = 3
+"""Elements on either side of a stop that are near it."""
+
 EVEN = 1e-9
 """A stretch that is longer than whole elements by no more than this share is as long as these."""
 
@@ -47,6 +50,12 @@ class Mesh:
     def of(cls, edges: Array, switch_times: Array) -> Mesh:
         """The elements between edges (N + 1,) [s]."""
         return cls(edges, np.searchsorted(switch_times, (edges[:-1] + edges[1:]) / 2, side="right"))
+
+    def beside(self, stops: Array) -> Indices:
+        """The elements near stops (k,) [s] and near changes of the parameters, where a motion changes fastest."""
+        changes = np.flatnonzero(np.diff(self.interval)) + 1
+        edges = np.concatenate([changes, np.searchsorted(self.edges, stops)])
+        return np.unique(np.clip(edges[:, None] + np.arange(-BESIDE, BESIDE), 0, len(self) - 1))
 
     def split(self, parts: Indices) -> Mesh:
         """Each element in as many even parts as stated (N,)."""

@@ -15,6 +15,12 @@ from invtrack.references.signal import PiecewiseSignal
 MARGIN = 0.3
 """Share of the accuracy that a refined element is to reach."""
 
+MOST_STEPS = 8
+"""By how much steps of integration become shorter at once, at most."""
+
+EVERY = 4
+"""Of so many elements in a row the accuracy of the integration is looked at once."""
+
 MOST_PARTS = 4
 """Into how many parts an element is split at once, at most."""
 
@@ -39,27 +45,48 @@ class DenseError:
         return np.maximum(self.output, self.defect)
 
 
-def dense_error(shooting: Shooting, motion: Motion, reference: PiecewiseSignal) -> DenseError:
-    """The errors of a motion between its points; `between` and `defect` hardly change where little of it is left to find."""
+def dense_error(shooting: Shooting, motion: Motion, reference: PiecewiseSignal, size: Array) -> DenseError:
+    """The errors of a motion between its points; `between` and `defect` hardly change where little of it is left to find.
+
+    Args:
+        shooting, motion: the conditions, and the motion that meets them.
+        reference: the wanted outputs.
+        size: peaks of the plan's states (n,).
+    """
     scheme, dynamics = shooting.scheme, shooting.dynamics[0]
-    fine = replace(scheme, refinement=2 * scheme.refinement)
-    nodes = shooting.nodes(motion, fine)
-    shares = np.linspace(0.0, 1.0, fine.steps + 1)
-    y = shooting.outputs(nodes, np.einsum("kim,ji->kjm", motion.coefficients, legendre(fine.count, shares)))
+    nodes = shooting.nodes(motion)
+    looked = np.linspace(0, scheme.steps, 2 * scheme.count + 1).astype(np.intp)  # the matched points among them
+    shares = looked / scheme.steps
+    y = shooting.outputs(nodes[:, looked], np.einsum("kim,ji->kjm", motion.coefficients, legendre(scheme.count, shares)))
     away = dynamics.output_difference(y, wanted_at(shooting.mesh, reference, shares)) / shooting.motion_size
-    gaps = dynamics.difference(nodes[:, -1], shooting.nodes(motion)[:, -1])
     return DenseError(
         np.max(np.abs(away), axis=(1, 2)),
-        np.max(np.abs(away - _through_points(away, fine)), axis=(1, 2)),
-        np.max(np.abs(gaps) / shooting.sizes(motion), axis=1),
+        np.max(np.abs(away - _through_points(away, scheme)), axis=(1, 2)),
+        _defects(shooting, motion, reference.breakpoints, size),
     )
 
 
+def _defects(shooting: Shooting, motion: Motion, stops: Array, size: Array) -> Array:
+    """What twice as many steps make of the ends of elements (N,), as shares of sizes (n,): of some of them, and of those near by.
+
+    Args:
+        shooting, motion: the conditions, and the motion that meets them.
+        stops: times beside which all elements are looked at.
+        size: peaks of the plan's states (n,).
+    """
+    mesh, dynamics, scheme = shooting.mesh, shooting.dynamics[0], shooting.scheme
+    looked = np.union1d(np.arange(0, len(mesh), EVERY), mesh.beside(stops))
+    fine = shooting.ends_of(motion, looked, replace(scheme, refinement=2 * scheme.refinement))
+    gaps = dynamics.difference(fine, shooting.nodes(motion)[looked, -1])[:, dynamics.state_coordinates]
+    nearest = np.searchsorted((looked[1:] + looked[:-1]) / 2, np.arange(len(mesh)))
+    return np.asarray(np.max(np.abs(gaps) / size, axis=1)[nearest])
+
+
 def _through_points(away: Array, scheme: Scheme) -> Array:
-    """The polynomials through misses (N, S + 1, p) at the matched points, at all of their shares of an element."""
-    shares, result = np.linspace(0.0, 1.0, scheme.steps + 1), np.empty_like(away)
-    for output, points in enumerate(scheme.points):
-        weights = np.linalg.solve(legendre(scheme.count, shares[points]).T, legendre(scheme.count, shares).T)  # (s, S + 1)
+    """The polynomials through misses (N, k, p) at the matched points, at all k even shares of an element."""
+    shares, result = np.linspace(0.0, 1.0, away.shape[1]), np.empty_like(away)
+    for output, points in enumerate(scheme.points // scheme.refinement):
+        weights = np.linalg.solve(legendre(scheme.count, shares[points]).T, legendre(scheme.count, shares).T)  # (s, k)
         result[:, :, output] = away[:, points, output] @ weights
     return result
 
@@ -81,4 +108,4 @@ def parts_for(error: Array, accuracy: float, order: int) -> Indices:
 def steps_for(defect: Array, accuracy: float) -> int:
     """By how much the steps of integration must be shorter for defects (N,), which fall with their fourth power."""
     worst = float(np.max(defect))
-    return 1 if worst <= accuracy else int(np.clip(np.ceil((worst / (MARGIN * accuracy)) ** 0.25), 2, MOST_PARTS))
+    return 1 if worst <= accuracy else int(np.clip(np.ceil((worst / (MARGIN * accuracy)) ** 0.25), 2, MOST_STEPS))

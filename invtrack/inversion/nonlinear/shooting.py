@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, fields
 from typing import TypeVar
 
 import numpy as np
@@ -40,6 +40,7 @@ class Shooting:
         motion_size: of the outputs (p,), by which misses are measured.
         ends: where the motion starts and ends.
         number: of the mesh, among those that were tried, for the log.
+        _last: the nodes of the motion that was asked for last, on which mesh.
     """
 
     dynamics: Sequence[Dynamics]
@@ -49,16 +50,32 @@ class Shooting:
     motion_size: Array
     ends: tuple[End, End]
     number: int = 1
+    _last: list[tuple[Mesh, Motion, Array]] = field(default_factory=list, repr=False)
 
-    def nodes(self, motion: Motion, scheme: Scheme | None = None) -> Array:
+    def nodes(self, motion: Motion) -> Array:
         """The states at the ends of the steps of all elements (N, S + 1, .)."""
-        basis = (scheme or self.scheme).basis
+        for mesh, known, nodes in self._last:
+            if mesh is self.mesh and known is motion:
+                return nodes
+        basis = self.scheme.basis
         parts = self._by_interval(
             lambda dynamics, chosen: dynamics.motion(
                 motion.points[:-1][chosen], motion.coefficients[chosen], basis, self.mesh.lengths[chosen]
             )
         )
-        return self._joined(parts)
+        found = self._joined(parts)
+        self._last[:] = [(self.mesh, motion, found)]
+        return found
+
+    def ends_of(self, motion: Motion, elements: Indices, scheme: Scheme) -> Array:
+        """The states at the ends of some elements (k,), in the steps of another scheme (k, .)."""
+        result = np.empty((len(elements), motion.points.shape[1]))
+        for k in np.unique(self.mesh.interval[elements]):
+            here = np.flatnonzero(self.mesh.interval[elements] == k)
+            own = elements[here]
+            starts, lengths = motion.points[own], self.mesh.lengths[own]
+            result[here] = self.dynamics[k].motion(starts, motion.coefficients[own], scheme.basis, lengths)[:, -1]
+        return result
 
     def outputs(self, nodes: Array, inputs: Array) -> Array:
         """Outputs (N, k, p) at nodes (N, k, .) with inputs (N, k, m)."""
@@ -76,11 +93,12 @@ class Shooting:
         inputs = np.einsum("kim,ji->kjm", motion.coefficients, scheme.basis[2 * knots])
 
         def part(dynamics: Dynamics, chosen: Indices) -> ElementMaps:
-            found: Derivatives = dynamics.derivatives(_flat(nodes[chosen][:, knots]), _flat(inputs[chosen]))
+            found: Derivatives = dynamics.derivatives(_flat(nodes[chosen][:, knots]), _flat(inputs[chosen]), rough=True)
             return element_maps(found, scheme, self.mesh.lengths[chosen])
 
         parts = self._by_interval(part)
-        return ElementMaps(*(self._joined([(chosen, getattr(maps, name)) for chosen, maps in parts]) for name in _MAPS))
+        names = [field.name for field in fields(ElementMaps)]
+        return ElementMaps(*(self._joined([(chosen, getattr(maps, name)) for chosen, maps in parts]) for name in names))
 
     def misses(self, motion: Motion, nodes: Array) -> tuple[Array, Array]:
         """Gaps Phi(x_k, c_k) - x_(k+1) (N, n), and outputs less those wanted (N, p, s) at the matched points."""
@@ -136,9 +154,6 @@ class Shooting:
         for chosen, values in parts:
             result[chosen] = values
         return result
-
-
-_MAPS = ("end_x", "end_c", "out_x", "out_c")
 
 
 def _flat(values: Array) -> Array:

@@ -82,7 +82,8 @@ class MotionSolver:
         solution = self._rough()
         windows = self._windows(solution.choice)
         while True:
-            error = dense_error(solution.shooting, solution.motion, self.problem.reference)
+            size = state_sizes(solution.shooting, solution.motion, self.problem.model(solution.shooting.mesh.edges))
+            error = dense_error(solution.shooting, solution.motion, self.problem.reference, size)
             finer = self._finer(solution, error, windows)
             if finer is not None:
                 solution = self._continued(solution, *finer, ROUGHLY)

@@ -87,14 +87,14 @@ class Machine:
         _evaluate(self._record, len(points), *_addresses(points, controls, accelerations, outputs))
 
     def perturbed(self, points: Array, controls: Array, steps: Array, accelerations: Array, outputs: Array) -> None:
-        """The same with each state and input moved ahead and back by its step; results that are not usable stay as they are.
+        """The same with each state and input moved by steps of its own; results that are not usable stay as they are.
 
         Args:
             points, controls: states (k, nq + nv + na) and inputs (k, m).
-            steps: of positions in tangent space, velocities, activations and inputs (2 nv + na + m,).
-            accelerations, outputs: results (k, 2 nv + na + m, 2, nv + na) and (k, 2 nv + na + m, 2, p).
+            steps: of positions in tangent space, velocities, activations and inputs (2 nv + na + m, sides).
+            accelerations, outputs: results (k, 2 nv + na + m, sides, nv + na) and (k, 2 nv + na + m, sides, p).
         """
-        _perturbed(self._record, len(points), *_addresses(points, controls, steps, accelerations, outputs))
+        _perturbed(self._record, len(points), steps.shape[1], *_addresses(points, controls, steps, accelerations, outputs))
 
     def integrate(self, points: Array, coefficients: Array, basis: Array, lengths: Array, nodes: Array) -> None:
         """Classical RK4 over elements in even steps, the input a polynomial over each element.
@@ -191,12 +191,14 @@ def _evaluate(machines: Any, count: int, points: int, controls: int, acceleratio
 
 
 @entry
-def _perturbed(machines: Any, count: int, points: int, controls: int, steps: int, accelerations: int, outputs: int) -> None:
+def _perturbed(
+    machines: Any, count: int, sides: int, points: int, controls: int, steps: int, accelerations: int, outputs: int
+) -> None:
     """Positions come last, so that what depends on them alone is computed once for all that leaves them where they are."""
     machine = machines[0]
     nv, na, m, p = machine.nv, machine.na, machine.m, machine.outputs
     width, total, inputs = machine.nq + nv + na, 2 * nv + na + m, integers(machine.inputs, m)
-    step, tangent = floats(steps, total), floats(machine.scratch, nv)
+    step, tangent = floats(steps, total * sides), floats(machine.scratch, nv)
     for i in range(nv):
         tangent[i] = 0.0
     for k in range(count):
@@ -217,12 +219,12 @@ def _perturbed(machines: Any, count: int, points: int, controls: int, steps: int
                 address, stage = machine.ctrl + 8 * inputs[i - 2 * nv - na], _VELOCITIES
             entry_at = floats(address, 1)
             value = entry_at[0]
-            for side in range(2):
-                entry_at[0] = value + step[i] * (1 - 2 * side)
+            for side in range(sides):
+                entry_at[0] = value + step[sides * i + side]
                 if i < nv:
                     _moved(machine, point, tangent)
                 _forward(machine, stage, True)
-                row = 2 * (total * k + i) + side
+                row = sides * (total * k + i) + side
                 _read(machine, accelerations + 8 * (nv + na) * row, outputs + 8 * p * row)
             entry_at[0] = value
 
