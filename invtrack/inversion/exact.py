@@ -13,6 +13,7 @@ from invtrack.errors import PlanError, RelativeDegreeError
 from invtrack.inversion.allocated import AllocatedDynamics, require_same_unpriced, require_unpriced_rest
 from invtrack.inversion.axis_zeros import require_rest_held, require_rest_left, split_through_axis
 from invtrack.inversion.bounded_solution import bounded_solution
+from invtrack.inversion.held import held_inverse
 from invtrack.inversion.input_measure import InputMeasure, input_measure
 from invtrack.inversion.inverse_system import inverse_systems
 from invtrack.inversion.nonlinear.stable_inversion import invert_motion
@@ -59,8 +60,9 @@ def invert(
             (`input_limits`), without limits all alike.
         schedule: for a Plant, when its parameters change on the way: [Change(1.0, tip_mass=0.5)].
         accuracy: for a Plant, the largest output error anywhere, as a share of the motion, that the mesh is made for.
-        hold: for a Plant, the period of the zero-order hold that will drive it [s]: inputs are constant over each hold and the
-            outputs exact once in it, so that holding costs nothing. Without it inputs are continuous on each stretch of time.
+        hold: the period of the zero-order hold that will drive the plant [s]: inputs are constant over each hold and the outputs
+            exact once in it, so that holding costs nothing. Without it inputs are continuous on each stretch of time. It takes as
+            many inputs as outputs, and a reference from rest to rest.
         tolerance: what counts as rest at the two ends, as a share of each state's and input's peak; it sets how early the plan
             starts and how late it ends.
         max_preactuation, max_postactuation: limit these [s], at the price of a start, or an end, that is not quite at rest; the
@@ -94,14 +96,17 @@ def invert(
             max_postactuation=max_postactuation,
             progress=progress,
         )
-    if hold is not None or schedule:
+    if schedule:
         raise PlanError(
-            "schedule and hold are for a Plant, which is planned for as it moves; a linear model that switches is a "
-            "SwitchedSystem, and a plan for it is averaged over each hold by the controller"
+            "schedule is for a Plant, which is planned for as it moves; a linear model that switches is a SwitchedSystem"
         )
     problem = PlanningProblem.of(
         model, reference, tolerance=tolerance, max_preactuation=max_preactuation, max_postactuation=max_postactuation
     )
+    if hold is not None:
+        if R is not None:
+            raise PlanError("R chooses among inputs that are left over, which a plan for a hold cannot have; leave R out")
+        return held_inverse(problem, hold)
     plant, measure = problem.plant, input_measure(problem.plant, R)
     if plant.n_inputs > plant.n_outputs:
         return _allocated(problem, measure)

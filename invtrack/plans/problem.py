@@ -14,7 +14,7 @@ from invtrack.errors import PlanError, TrajectoryError
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.actuation import ringing
-from invtrack.plans.certificate import certify
+from invtrack.plans.certificate import Certificate, certify
 from invtrack.plans.plan import Plan
 from invtrack.plans.trajectory import Trajectory, away_from_rest
 from invtrack.references.generator import constant_generator
@@ -98,6 +98,7 @@ class PlanningProblem:
         exact: bool | None,
         lasting: bool = False,
         remarks: Sequence[str] = (),
+        certificate: Certificate | None = None,
         kind: type[PlanType] = Plan,  # type: ignore[assignment]
         **particulars: Any,
     ) -> PlanType:
@@ -109,6 +110,7 @@ class PlanningProblem:
             exact: whether y = y_d is one of its equations; None for what is no trajectory of the plant and is not to be judged.
             lasting: whether what is left after the manoeuvre is meant to ring on for ever; the plan then ends with the manoeuvre.
             remarks: what a user should know.
+            certificate: of a trajectory that does not follow the plant's equations at all times, such as in between samples.
             kind: Plan, or a subclass that takes `particulars` besides.
 
         Raises PlanError where the plan misses its own equations.
@@ -124,7 +126,8 @@ class PlanningProblem:
                 "one on the side on which it does not die out; limit the preactuation and the postactuation (max_preactuation, "
                 "max_postactuation), move such zeros (invtrack.modified_inversion), or damp what moves there"
             )
-        certificate = certify(self.plant, trajectory, self.deviation, (start - preactuation, end + postactuation))
+        if certificate is None:
+            certificate = certify(self.plant, trajectory, self.deviation, (start - preactuation, end + postactuation))
         if exact is not None and self.asks_for_motion:
             certificate.require(exact=exact, method=method)
         plan = kind(

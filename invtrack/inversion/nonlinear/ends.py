@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
-from invtrack.arrays import Array, ComplexArray, Indices
+from invtrack.arrays import Array, ComplexArray
 from invtrack.inversion.nonlinear.elements import Scheme, map_at_rest
 from invtrack.inversion.nonlinear.rest import Rest
 from invtrack.linear.state_space import StateSpace
@@ -38,7 +36,7 @@ class Departure:
     """Motions about rest that die out away from a manoeuvre: x = X exp(A t) v, u = U exp(A t) v, as deviations from rest.
 
     They are those of the elements themselves: x at the nodes is as elements carry it on, and u has the mean over each element that
-    keeps the outputs at their points. Held inputs are therefore those that a zero-order hold makes of u.
+    keeps the outputs at their points; where inputs are held, that is its value in the middle, which a controller holds.
 
     Args:
         side: of the manoeuvre.
@@ -81,9 +79,7 @@ class End:
         """The end at an equilibrium, for elements of that length [s]. Raises LinAlgError where the input acts on no output."""
         maps = map_at_rest(dynamics, rest.point, rest.inputs, scheme, length)
         M, (scale, _) = scipy.linalg.matrix_balance(maps.exact[0], permute=False, separate=True)
-        return cls(
-            rest, length, M, scale, -maps.inverse[0][0], zeros, _gap(np.linalg.eigvals(M), _slow(zeros * length, scheme.count))
-        )
+        return cls(rest, length, M, scale, -maps.inverse[0][0], zeros, gap_of(M, zeros * length, scheme.count))
 
     @property
     def expanding(self) -> int:
@@ -111,9 +107,12 @@ class End:
         T, Q, count = scipy.linalg.schur(self.M, sort=lambda re, im: bool(slow[among(re, im)]))
         A = np.zeros((0, 0)) if count == 0 else np.real(scipy.linalg.logm(T[:count, :count])) / self.length
         X = self.scale[:, None] * Q[:, :count]
-        held = np.block([[A * self.length, np.eye(count)], [np.zeros((count, 2 * count))]])
-        mean = scipy.linalg.expm(held)[:count, count:]
-        U = np.linalg.solve(mean.T, (self.inputs[: len(self.rest.inputs)] @ X).T).T
+        m, step = len(self.rest.inputs), A * self.length
+        if len(self.inputs) == m:
+            reading = scipy.linalg.expm(step / 2)
+        else:
+            reading = scipy.linalg.expm(np.block([[step, np.eye(count)], [np.zeros((count, 2 * count))]]))[:count, count:]
+        U = np.linalg.solve(reading.T, (self.inputs[:m] @ X).T).T
         # Coordinates of any state along these motions, what it has of others left aside.
         rest = scipy.linalg.solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:]) if count else T[:0]
         V = (Q[:, :count].T - rest @ Q[:, count:].T) / self.scale
@@ -145,22 +144,14 @@ def unstable(found: ComplexArray, unit: float) -> int:
     return int(np.sum(found.real > NEUTRAL * unit))
 
 
-def _slow(zeros: ComplexArray, count: int) -> ComplexArray:
-    """Those of the zeros, z H (k,), that elements with so many coefficients of each input resolve."""
-    return zeros[np.abs(zeros) < max(SLOW, SLOW_PER_COEFFICIENT * count)]
+def gap_of(M: Array, zeros: ComplexArray, count: int) -> float:
+    """Smallest |log |lambda|| of the multipliers of M (n, n) but those nearest to exp(z H) of the zeros that elements resolve.
 
-
-def _resolved(multipliers: NDArray[Any], zeros: ComplexArray) -> Indices:
-    """Which multipliers are nearest to exp(z H) of zeros, z H (k,)."""
-    left = list(range(len(multipliers)))
-    found = []
-    for zero in sorted(zeros, key=abs):
+    zeros: z H (k,); count: coefficients of each input on an element.
+    """
+    left = list(np.linalg.eigvals(M))
+    for zero in sorted(zeros[np.abs(zeros) < max(SLOW, SLOW_PER_COEFFICIENT * count)], key=abs):
         if left:
-            found.append(left.pop(int(np.argmin(np.abs(multipliers[left] - np.exp(zero))))))
-    return np.array(found, dtype=np.intp)
-
-
-def _gap(multipliers: NDArray[Any], zeros: ComplexArray) -> float:
-    """Smallest |log |lambda|| of the multipliers but those of zeros, z H (k,)."""
-    sizes = np.abs(np.delete(multipliers, _resolved(multipliers, zeros)))
+            left.pop(int(np.argmin(np.abs(np.array(left) - np.exp(zero)))))
+    sizes = np.abs(np.array(left))
     return float(np.min(np.abs(np.log(np.maximum(sizes, np.finfo(float).tiny))), initial=np.inf))

@@ -12,6 +12,7 @@ import numpy as np
 from invtrack.arguments import items
 from invtrack.arrays import Array, ComplexArray, finite_number, shown
 from invtrack.errors import BoundednessError, PlanError, RelativeDegreeError, TrajectoryError
+from invtrack.inversion.held_outputs import held_outputs
 from invtrack.inversion.nonlinear.ends import unstable, zeros_at
 from invtrack.inversion.nonlinear.rest import Rest, rest_with, rests_along
 from invtrack.inversion.smoothness import require_smooth
@@ -28,8 +29,7 @@ POSTURES = 33
 AWAY = 1e-6
 """The operating point is an equilibrium where the nearest one is no further away (radians, metres, shares of inputs)."""
 
-HELD = 1e-12
-"""A reference holds still where its state changes by less than this share of the terms that make up the change."""
+MOTION = "a plan on a nonlinear motion"
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +60,7 @@ class MotionProblem:
         _require_channels(mechanism, reference)
         times, values = _intervals(mechanism, schedule)
         dynamics = tuple(mechanism.dynamics(each) for each in values)
-        first, last = _held_outputs(reference)
+        first, last = held_outputs(reference, MOTION)
         start = _start(mechanism, dynamics[0], first)
         edges = np.unique(np.concatenate([reference.breakpoints, times]))
         bounds = np.concatenate([edges[:1], times, edges[-1:]])
@@ -89,7 +89,7 @@ class MotionProblem:
     @cached_property
     def held_outputs(self) -> tuple[Array, Array]:
         """Outputs (p,) held before and after the manoeuvre."""
-        return _held_outputs(self.reference)
+        return held_outputs(self.reference, MOTION)
 
     @cached_property
     def motion_size(self) -> Array:
@@ -197,20 +197,6 @@ def _intervals(mechanism: Mechanism, schedule: Sequence[ScheduledChange]) -> tup
         times.append(time)
         values.append({**values[-1], **change.parameters})
     return np.array(times), tuple(values)
-
-
-def _held_outputs(reference: PiecewiseSignal) -> tuple[Array, Array]:
-    """Outputs held before and after. Raises TrajectoryError for a reference that goes on moving."""
-    for end, side in ((0, "before"), (-1, "after")):
-        S, w = reference.generators[reference.kind[end]].S, reference.anchors[end]
-        w = w[: len(S)]
-        if np.any(np.abs(S @ w) > HELD * np.abs(S) @ np.abs(w)):
-            raise TrajectoryError(
-                f"the reference goes on moving {side} its breakpoints; a plan on a nonlinear motion leads from rest to rest, as "
-                "invtrack.rest_to_rest and invtrack.sampled_reference do"
-            )
-    edges = reference.breakpoints
-    return reference(edges[:1] - 1.0)[0], reference(edges[-1:] + 1.0)[0]
 
 
 def _start(mechanism: Mechanism, dynamics: Dynamics, outputs: Array) -> Rest:

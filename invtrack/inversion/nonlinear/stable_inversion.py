@@ -18,6 +18,7 @@ from invtrack.inversion.nonlinear.problem import MotionProblem
 from invtrack.inversion.nonlinear.solver import MotionSolver, Solution
 from invtrack.inversion.nonlinear.tails import tails_of
 from invtrack.inversion.nonlinear.trajectory import trajectory_of
+from invtrack.inversion.whole_holds import held_remark, in_whole_holds
 from invtrack.linear.internal_dynamics import NOT_UNIQUE, format_zeros
 from invtrack.plans.actuation import ringing
 from invtrack.plans.certificate import Certificate
@@ -83,6 +84,7 @@ def invert_motion(
     solver = MotionSolver(problem, accuracy, (limits[0], limits[1]), progress)
     solution = solver.refined() if hold is None else solver.held(hold)
     plan = _plan(problem, solution, accuracy=accuracy, tolerance=tolerance, limits=(limits[0], limits[1]), hold=hold)
+    plan = plan if hold is None else in_whole_holds(plan, hold)
     rings = ringing(plan)
     return plan if rings is None else replace(plan, ringing=rings, remarks=(*plan.remarks, rings.remark))
 
@@ -122,7 +124,7 @@ def _plan(
         elements=len(mesh),
     )
     preactuation, postactuation, limited = actuation_times(trajectory, problem.manoeuvre, tolerance, limits)
-    held = () if hold is None else (_held_remark(hold, certificate),)
+    held = () if hold is None else (held_remark(hold, certificate),)
     return MotionPlan(
         method="stable inversion of the nonlinear plant",
         model=model,
@@ -138,13 +140,6 @@ def _plan(
         linearizations=linearizations_along(shooting, motion),
         iterations=solution.log,
         checks=checks,
-    )
-
-
-def _held_remark(hold: float, certificate: Certificate) -> str:
-    return (
-        f"planned for a zero-order hold of {hold:g} s: inputs are constant over each, the outputs exact once in each, and within "
-        f"{certificate.output_error:.1e} of their motion in between"
     )
 
 

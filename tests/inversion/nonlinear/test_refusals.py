@@ -137,5 +137,5 @@ def test_options_out_of_range(options: dict[str, float], message: str) -> None:
 
 def test_options_for_a_plant_are_refused_for_a_linear_model() -> None:
     plant = cart_pole()
-    with pytest.raises(invtrack.errors.PlanError, match="schedule and hold are for a Plant"):
-        invtrack.invert(invtrack.linearize(plant), slew(1.0), hold=1e-3)
+    with pytest.raises(invtrack.errors.PlanError, match=r"schedule is for a Plant.* is a SwitchedSystem"):
+        invtrack.invert(invtrack.linearize(plant), slew(1.0), schedule=[invtrack.Change(0.5, payload=1.0)])
