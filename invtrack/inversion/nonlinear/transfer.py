@@ -73,9 +73,12 @@ class Known:
         return result
 
     def _coefficients(self, mesh: Mesh, count: int) -> Array:
-        """Of the inputs' projections on polynomials, as a quadrature has them that is exact for the motion's own (N, s, m)."""
+        """Of the inputs' projections on polynomials, as a quadrature has them that is exact for the motion's own (N, s, m).
+
+        An input that is to be held is read in the middle, as controllers and tails do.
+        """
         own = self.motion.coefficients
-        nodes, weights = np.polynomial.legendre.leggauss(max(count, own.shape[1], QUADRATURE))
+        nodes, weights = np.polynomial.legendre.leggauss(1 if count == 1 else max(count, own.shape[1], QUADRATURE))
         shares = (nodes + 1) / 2
         times = (mesh.edges[:-1, None] + mesh.lengths[:, None] * shares).ravel()
         elements, share = self._located(times)
