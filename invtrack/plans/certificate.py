@@ -13,7 +13,7 @@ from invtrack.linear.state_sizes import comparable_size, unit_ratios, with_idle_
 from invtrack.linear.state_units import own_pace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.trajectory import Trajectory
-from invtrack.plans.windows import SHARE_OF_MANOEUVRE, Windows, windows
+from invtrack.plans.windows import Windows, windows
 from invtrack.references.signal import PiecewiseSignal
 
 WINDOWS_PER_PIECE = 200
@@ -49,8 +49,8 @@ class Certificate:
     dynamics_residual: largest |x(b) - x(a) - integral of A x + B u| over windows as long as the motion is slow, and over the short
     panels that they are made up of where it is fast, relative to each state's size, less what a state moves in the time by which a
     and b, as numbers, may be off, and less the rounding of the terms of the integral; also how far a state would drift away from
-    rest in as long as a window, by A x + B u there. The size of a state is its peak, or what its terms could move it by
-    within half a window, of half a radian of the plant's own at most, if that is more.
+    rest within the manoeuvre's length, by A x + B u there, but for its own damping. The size of a state is its peak, or what its
+    terms could move it by within half a window, of half a radian of the plant's own at most, if that is more.
     output_error: largest sum of |C x + D u - wanted output| and |planned y - (C x + D u)|, relative to the peak of the wanted
     motion.
     continuity: largest jump of a state at a breakpoint (beyond that of the rest it is measured from), relative to its peak.
@@ -202,14 +202,15 @@ def _missed(miss: Array, terms: Array, moved: Array, size: Array) -> float:
 
 
 def _drift(model: SwitchedSystem, trajectory: Trajectory, size: Array) -> float:
-    """How far the states would drift from the rests before and after the manoeuvre, in as long as a window of it may be."""
+    """How far the states would drift from the rests before and after the manoeuvre within its length, but for their own damping."""
     n, m, found = model.n_states, model.n_inputs, 0.0
-    length = SHARE_OF_MANOEUVRE * (trajectory.breakpoints[-1] - trajectory.breakpoints[0])
+    length = trajectory.breakpoints[-1] - trajectory.breakpoints[0]
     for system, tail in ((model.systems[0], trajectory.before), (model.systems[-1], trajectory.after)):
-        if tail.holds_still:
+        if tail.holds_still and length > 0:
             x, u = tail.held[:n], tail.held[n : n + m]
-            terms = np.abs(system.A) @ np.abs(x) + np.abs(system.B) @ np.abs(u)
-            found = max(found, _missed(length * (system.A @ x + system.B @ u)[None], length * terms[None], np.zeros((1, 1)), size))
+            lasting = 1 / (1 / length + np.maximum(-np.diag(system.A), 0.0))
+            rate, terms = system.A @ x + system.B @ u, np.abs(system.A) @ np.abs(x) + np.abs(system.B) @ np.abs(u)
+            found = max(found, _missed((lasting * rate)[None], (lasting * terms)[None], np.zeros((1, 1)), size))
     return found
 
 
