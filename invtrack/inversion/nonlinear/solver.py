@@ -79,14 +79,21 @@ class MotionSolver:
         The mesh is changed as soon as the motion is known roughly, so that Newton's method takes its first steps on coarse meshes,
         and hardly more of them than on one: on each mesh it begins from what it knew on the one before.
         """
-        solution = self._rough()
-        windows = self._windows(solution.choice)
+        solution = coarse = self._rough()
+        windows, known_to = self._windows(solution.choice), ROUGHLY
         while True:
             size = state_sizes(solution.shooting, solution.motion, self.problem.model(solution.shooting.mesh.edges))
             error = dense_error(solution.shooting, solution.motion, self.problem.reference, size)
             finer = self._finer(solution, error, windows)
             if finer is not None:
-                solution = self._continued(solution, *finer, ROUGHLY)
+                found, log = self._carried(solution, *finer, known_to)
+                if found is not None:
+                    solution = found
+                elif known_to > self._tolerance:  # errors of a motion that was known too roughly called for that mesh
+                    known_to = self._tolerance
+                    solution = self._continued(replace(coarse, log=log), coarse.choice, coarse.shooting.mesh, known_to)
+                else:
+                    solution = self._followed(*finer, known_to, replace(solution, log=log))
             elif remaining(solution.log) > self._tolerance:
                 solution = self._continued(solution, solution.choice, solution.shooting.mesh, self._tolerance)
             elif np.max(error.worst) <= self.accuracy:
@@ -100,9 +107,10 @@ class MotionSolver:
         solution = self._rough()
         windows = self._windows(solution.choice)
         while True:
-            mesh, errors = solution.shooting.mesh, tail_errors(self.problem, solution.shooting, solution.motion)
+            mesh, final = solution.shooting.mesh, solution.choice is choice
+            errors = tail_errors(self.problem, solution.shooting, solution.motion, known_well=final)
             more = windows.lacking(mesh, errors)
-            if solution.choice is choice and np.all((errors <= self.accuracy) | (more < hold)):
+            if final and np.all((errors <= self.accuracy) | (more < hold)):
                 return solution
             reach = np.maximum(np.array([begin - mesh.edges[0], mesh.edges[-1] - end]) + more, LAYER * hold)
             first, last = np.array([begin, end]) + np.array([-1, 1]) * hold * np.ceil(reach / hold * (1 - EVEN))
@@ -152,7 +160,14 @@ class MotionSolver:
         return choice.with_steps(factor), mesh
 
     def _continued(self, solution: Solution, choice: Choice, mesh: Mesh, tolerance: float) -> Solution:
-        """The motion on a mesh, another one or its own, from what is known of it."""
+        """The motion on a mesh, another one or its own, from what is known of it, or else from rest."""
+        found, log = self._carried(solution, choice, mesh, tolerance)
+        return self._followed(choice, mesh, tolerance, replace(solution, log=log)) if found is None else found
+
+    def _carried(
+        self, solution: Solution, choice: Choice, mesh: Mesh, tolerance: float
+    ) -> tuple[Solution | None, tuple[Iteration, ...]]:
+        """The motion on a mesh, another one or its own, from what is known of it, and all steps; None where they lead nowhere."""
         conditions, guess = solution.shooting, solution.motion
         if mesh is not conditions.mesh:
             guess = known(self.problem, conditions, guess).on(mesh, choice.scheme.count)
@@ -161,9 +176,7 @@ class MotionSolver:
                 raise _unlike_ends(mesh)
             conditions = replace(found, number=conditions.number + 1)
         motion, log = converged(conditions, guess, tolerance, log=solution.log)
-        if motion is None:
-            return self._followed(choice, mesh, tolerance, replace(solution, log=log))
-        return self._sized(Solution(choice, conditions, motion, log))
+        return (None if motion is None else self._sized(Solution(choice, conditions, motion, log))), log
 
     def _conditions(self, scheme: Scheme, mesh: Mesh, amplitude: float) -> Shooting | None:
         """The conditions for a share of the motion; None where its end has no equilibrium, or no such one as the start."""

@@ -39,13 +39,15 @@ def tails_of(problem: MotionProblem, shooting: Shooting, motion: Motion, model: 
     return before, after
 
 
-def tail_errors(problem: MotionProblem, shooting: Shooting, motion: Motion) -> Array:
+def tail_errors(problem: MotionProblem, shooting: Shooting, motion: Motion, *, known_well: bool = False) -> Array:
     """How far the tails (2,) are from the conditions of a further element before and after the mesh.
 
     The larger of the outputs' misses there, as a share of their motion, and of the gap that the element leaves, as a share of the
-    states' peaks and per time of the tail's own. They fall with the square of the distance from rest.
+    states' peaks and per time of the tail's own; of a motion that is known well also a third of the rates at which what the tail
+    holds still moves, as a share of what states of full size would make of them. They fall with the square of the distance from
+    rest.
     """
-    mesh, whole, found = shooting.mesh, known(problem, shooting, motion), np.zeros(2)
+    mesh, whole, sizes, found = shooting.mesh, known(problem, shooting, motion), shooting.sizes(motion), np.zeros(2)
     for end, outside, held in zip(ENDS, whole.outside, problem.held_outputs, strict=True):
         if not outside.tail.departs:
             continue
@@ -55,9 +57,17 @@ def tail_errors(problem: MotionProblem, shooting: Shooting, motion: Motion) -> A
         further = replace(shooting, mesh=Mesh(edges, mesh.interval[[end]]), wanted=wanted)
         small = whole.on(further.mesh, shooting.scheme.count)
         gaps, away = further.misses(small, further.nodes(small))
-        share = np.max(np.abs(gaps) / shooting.sizes(motion)) / (H * abs(outside.tail.departure.growth))
-        found[end] = max(share, np.max(np.abs(away[0]) / shooting.motion_size[:, None]))
+        share = np.max(np.abs(gaps) / sizes) / (H * abs(outside.tail.departure.growth))
+        unrest = _unrest(outside, sizes) / 3 if known_well else 0.0
+        found[end] = max(share, np.max(np.abs(away[0]) / shooting.motion_size[:, None]), unrest)
     return found
+
+
+def _unrest(outside: Outside, sizes: Array) -> float:
+    """Rates of change of what a tail holds, as shares of what states of these sizes (n,) would make of them."""
+    A = outside.dynamics.derivatives(outside.rest.point[None], outside.rest.inputs[None]).A[0]
+    rates, terms = np.abs(A @ outside.tail.held[: len(A)]), np.abs(A) @ sizes
+    return float(np.max(rates / np.where(terms > 0, terms, 1.0)))
 
 
 def _outside(problem: MotionProblem, shooting: Shooting, motion: Motion, end: int) -> Outside:
