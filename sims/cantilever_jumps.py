@@ -86,7 +86,7 @@ def _schedule(*, factor: float = 1.0, delay: float = 0.0) -> list[invtrack.Chang
 
 def _vibration_period(plant: invtrack.Plant, mass: float) -> float:
     """That of the plant as it really is at the end, where the plan's model is another one."""
-    return invtrack.linear.slowest_flexible_period(invtrack.linearize(plant, tip_mass=mass).A)
+    return invtrack.linear.slowest_flexible_period(invtrack.linearize(plant, tip_mass=mass))
 
 
 def _numbers(run: invtrack.RunResult) -> dict[str, Any]:

@@ -73,7 +73,7 @@ def build(options: StudyOptions) -> Setup:
     settings = {
         # Also where the plan was made for one mass only.
         "schedule": [invtrack.Change(t, tip_mass=mass) for t, mass in zip(JUMPS, MASSES[1:], strict=True)],
-        "vibration_period": invtrack.linear.slowest_flexible_period(rig.model.systems[-1].A),
+        "vibration_period": invtrack.linear.slowest_flexible_period(rig.model.systems[-1]),
         "start": min(controller.plan.start for controller in controllers.values()),
     }
     cases = [

@@ -23,6 +23,9 @@ REHEARSED = 4
 SETTLED = 1e-3
 """Share of the first run's error below which a rehearsal has shown what it is to show."""
 
+MOST_RUNS = 10_000
+"""More than this are a mistake: all of them are kept."""
+
 STALLED = 0.9
 """An error of which each of two runs leaves more than this share has stopped shrinking; one run alone may do so on the way."""
 
@@ -98,7 +101,7 @@ def iterate(
     for name, function in (("drive", drive), ("rehearsal", rehearsal), ("progress", progress)):
         if not callable(function) and (function is not None or name == "drive"):
             raise LearningError(f"{name} must be a function, got {shown(function)}")
-    most = whole_number("runs", runs, lowest=1, error=LearningError)
+    most = whole_number("runs", runs, lowest=1, highest=MOST_RUNS, error=LearningError)
     if target is not None and not real_number("target", target, error=LearningError) > 0:
         raise LearningError(f"target must be a positive error, got {target}")
 

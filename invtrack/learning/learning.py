@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from invtrack.arguments import instance
-from invtrack.arrays import Array, finite_number, real_number, shown
+from invtrack.arrays import Array, finite_number, real_number, real_vector, shown, whole_number
 from invtrack.errors import LearningError
 from invtrack.plans.plan import Plan, require_plan
 from invtrack.references.signal import PiecewiseSignal
@@ -97,7 +97,13 @@ class Learning:
             raise LearningError(f"band must be a positive number [rad/s], got {band}")
         if not 0 < self.gain < 2:
             raise LearningError(f"gain must lie above 0 and below 2, a share of the error that is learned at once, got {gain}")
-        self.reference, self.degree, self.window = reference, degree, window
+        if window is not None:
+            start, end = real_vector("window [s]", window, ["start", "end"], error=LearningError).tolist()
+            if not start < end:
+                raise LearningError(f"window must be two times [s], the first one earlier, got {window}")
+            window = (start, end)
+        self.reference, self.window = reference, window
+        self.degree = whole_number("degree", degree, lowest=1, error=LearningError)
         self.steps: list[LearningStep] = []
         self._planner = planner
         self._correction: PiecewiseSignal | None = None

@@ -53,7 +53,7 @@ def read_log(
     require_plan(plan, error=FileError)
     zero = finite_number("zero [s]", zero, error=FileError)
     time = None if time is None else require_text("time", time, error=FileError)
-    given = by_name("columns", columns or {}, expected="columns by the names of channels", error=FileError)
+    given = by_name("columns", {} if columns is None else columns, expected="columns by the names of channels", error=FileError)
     model = plan.model
     groups = {"outputs": model.outputs, "inputs": model.inputs, "states": model.states}
     unknown = set(given) - {channel for channels in groups.values() for channel in channels.names}

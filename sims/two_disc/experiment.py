@@ -105,7 +105,7 @@ def real_rig(plant: invtrack.Plant, name: str, plan: invtrack.Plan, seed: int) -
     mechanism = invtrack.plant.with_coupling_scaled(plant, "velocity_coupling", real.coupling)
     return mechanism, {
         **run_settings(plan, after=AFTER),
-        "vibration_period": invtrack.linear.slowest_flexible_period(invtrack.linearize(mechanism, **values).A),
+        "vibration_period": invtrack.linear.slowest_flexible_period(invtrack.linearize(mechanism, **values)),
         "schedule": [invtrack.Change(plan.start, **values)],
         "sensors": {sensor: invtrack.Sensor(noise=NOISE, quantization=DIGIT) for sensor in MEASUREMENTS},
         "seed": real.seed + len(RIGS) * seed,

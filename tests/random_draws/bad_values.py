@@ -119,7 +119,10 @@ BAD_VALUES: dict[str, Callable[[], Any]] = {
     "sensor": lambda: invtrack.Sensor(noise=1.0),
 }
 
-FUNCTIONS = {"function", "function of nothing", "class", "model class"}
+FUNCTIONS = {
+    *("function", "function of nothing", "class", "model class"),
+    *("python-control system", "python-control transfer function", "discrete system"),
+}
 """What can be called; where a function is expected, an exception that it raises is its own."""
 
 NEVER_RIGHT = {

@@ -22,6 +22,7 @@ from invtrack import (
     control,
     figures,
     inversion,
+    learning,
     linear,
     plans,
     plant,
@@ -40,6 +41,7 @@ ROOMS = (
     "control",
     "figures",
     "inversion",
+    "learning",
     "linear",
     "plans",
     "plant",
@@ -75,6 +77,7 @@ NOT_DOORS = {
     *("Instants", "Configuration", "Session", "InvtrackError", "DivergedError", "MissingError"),
     # protocols, aliases and what only its own tests make
     *("Mode", "Oscillation", "RunAssertionError"),
+    *("Learned", "LearningStep"),
     *("Dynamics", "Mechanism", "mechanism"),
     *("Controller", "Law", "Observer", "PlanFollower", "Parameter", "Stepper", "Line", "Cell", "Rows"),
     # of studies: made of functions, checked where the study runs
@@ -137,6 +140,7 @@ def _calls() -> dict[str, Call]:
     Path("reference.csv").write_text(
         "time,y\n" + "\n".join(f"{t},{v}" for t, v in zip(times, values, strict=True)), encoding="utf-8"
     )
+    Path("log.csv").write_text(Path("reference.csv").read_text(encoding="utf-8"), encoding="utf-8")
     plans.export_plan(plan, "plan.csv", rate=50.0)
     recording.save_recording(vibrating, "run.rrd")
     figure = figures.plan_figure(plan)
@@ -206,6 +210,9 @@ def _calls() -> dict[str, Call]:
             held=(0.0, 1.0),
         ),
         "sampled_reference": call(invtrack.sampled_reference, times=times, values=values, degree=5, smoothness=2),
+        "smoothed_reference": call(
+            references.smoothed_reference, times=times, values=values, band=8.0, start=[0.0], degree=5, smoothness=2
+        ),
         "load_reference": call(invtrack.load_reference, path="reference.csv", time="time", channels=["y"], degree=5, smoothness=2),
         "reference_report": call(references.reference_report, reference=slew, highest=4, channels=["y"]),
         "stack": call(references.stack, signals=[slew, slew]),
@@ -437,7 +444,34 @@ def _calls() -> dict[str, Call]:
             callbacks=("progress",),
             takes=("discrete system",),
         ),
+        # learning
+        "Learning": call(
+            learning.Learning,
+            callbacks=("planner",),
+            planner=lambda y_d: invtrack.invert(model, y_d),
+            reference=slew,
+            band=5.0,
+            gain=0.5,
+            degree=5,
+            window=(0.0, 5.0),
+        ),
+        "iterate": call(
+            invtrack.iterate,
+            callbacks=("drive", "planner", "rehearsal", "progress"),
+            drive=lambda plan: run,
+            planner=lambda y_d: invtrack.invert(model, y_d),
+            reference=slew,
+            band=5.0,
+            runs=1,
+            target=1.0,
+            rehearsal=None,
+            gain=0.5,
+            degree=5,
+            window=(0.0, 5.0),
+            progress=None,
+        ),
         # results
+        "read_log": call(invtrack.read_log, path="log.csv", plan=plan, columns={"y1": "y"}, time="time", zero=0.0, name="log"),
         "max_error": call(invtrack.max_error, result=run, wanted="reference"),
         "rms_error": call(results.rms_error, result=run, wanted="reference"),
         "assert_tracks": call(testing.assert_tracks, run=vibrating, within=1.0, output="tip_position"),
