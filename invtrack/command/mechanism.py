@@ -9,7 +9,6 @@ from typing import Annotated, Any
 
 import tyro
 
-from invtrack.arrays import whole_number
 from invtrack.errors import InvtrackError
 from invtrack.plant import Change, Plant, model_path, trim
 from invtrack.studies.options import StudyOptions
@@ -40,10 +39,6 @@ class Mechanism(StudyOptions):
 
     drop: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="STATE")] = ()
     """A coordinate that acts on nothing, such as where a vehicle stands; may be given several times."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        whole_number("--seed", self.seed, error=InvtrackError)
 
     def that_matter(self) -> dict[str, Any]:
         """As every study's, paths as texts."""

@@ -23,8 +23,6 @@ from invtrack.plans.plan import Plan
 from invtrack.plant import Change, Plant, linearize
 from invtrack.redesign import Limits, constrained_redesign, quadratic_redesign
 from invtrack.references import PiecewiseSignal, load_reference, rest_to_rest, stack
-from invtrack.results import metrics
-from invtrack.results.result import RunResult
 from invtrack.simulation import Sensor
 from invtrack.studies import Case, Column, Setup, Study, Table
 
@@ -36,7 +34,7 @@ BEGINNING = -1e9
 """A time before every run [s]."""
 
 SHARE = 0.01
-"""Share of the motion that feedback is to take for as large a deviation as the plan's largest input."""
+"""Share of the motion that feedback is to take for as large a deviation as the plan's largest input, and the largest state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +94,6 @@ class Run(Mechanism):
             plant,
             lambda: self._controller(self._plan(plant, model, reference, changes), model),
             settings=settings,
-            numbers=_numbers,
             figures={"tracking": tracking_figure},
         )
         columns = [
@@ -162,8 +159,9 @@ class Run(Mechanism):
             zip(model.outputs.names, np.full(len(model.outputs), SHARE * _motion(plan.reference)).tolist(), strict=True)
         )
         inputs = dict(zip(model.inputs.names, _largest_inputs(plan).tolist(), strict=True))
-        Q, R = bryson(model, outputs=deviations, inputs=inputs)
-        Q += 1e-9 * np.trace(Q) * np.eye(len(Q))  # modes that no output shows must be seen, too
+        peaks = dict(zip(model.states.names, plan.trajectory.peaks[: model.n_states].tolist(), strict=True))
+        states = {name: peak for name, peak in peaks.items() if peak > 0}  # so that modes which no output shows are seen, too
+        Q, R = bryson(model, outputs=deviations, states=states, inputs=inputs)
         gains = lqr(plan if plan.linearizations is not None else model, Q=Q, R=R)
         period = None if self.period is None else seconds("--period", self.period)
         if not self.noise:
@@ -184,10 +182,6 @@ def seconds(option: str, text: str) -> float:
     if not value > 0:
         raise InvtrackError(f"{option}: expected a time such as 5ms or 0.005s, got {text!r}")
     return value
-
-
-def _numbers(run: RunResult) -> dict[str, Any]:
-    return dict(metrics(run))
 
 
 def _motion(reference: PiecewiseSignal) -> float:

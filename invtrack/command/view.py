@@ -16,8 +16,6 @@ from invtrack.figures import comparison_figure, save_figure
 from invtrack.results import RunResult, metrics
 from invtrack.studies.table import Column, print_table
 
-Paths = Annotated[tuple[Path, ...], tyro.conf.arg(metavar="RUN")]
-
 
 @dataclass(frozen=True, kw_only=True)
 class View:

@@ -25,9 +25,9 @@ from invtrack.linear.state_space import StateSpace
 from invtrack.linear.state_units import plant_units
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.linear.zeros import zeros
-from invtrack.plans.certificate import ACCURACY, Certificate, certify
+from invtrack.plans.certificate import ACCURACY, Certificate, certify, rest_residual
 from invtrack.plans.plan import Plan
-from invtrack.plans.problem import PlanningProblem
+from invtrack.plans.problem import PlanningProblem, actuation_times
 from invtrack.plans.trajectory import Trajectory
 
 FORGOTTEN = 36.0
@@ -35,6 +35,9 @@ FORGOTTEN = 36.0
 
 LOOKED_AT = (0.25, 0.5, 0.75, 1.0)
 """Shares of a hold after which outputs are compared with those wanted."""
+
+SHORT = 1e-3
+"""A hold times the slowest zero below which rounding is to blame: the zero's multiplier then is 1 to within three digits."""
 
 MOST_HOLDS = 200_000
 """Holds that are planned, at most."""
@@ -70,6 +73,7 @@ def held_inverse(problem: PlanningProblem, hold: float) -> Plan:
     motion = _solve(problem, mesh, elements, ends, rests)
     trajectory = trajectory_of_holds(plant, motion, ends, rests)
     certificate, missed = _certified(problem, motion, trajectory, elements)
+    _require_long_enough(hold, certificate, ends)
     replace(certificate, output_error=missed).require(exact=problem.asks_for_motion, method="stable inversion for a hold")
     method = "stable inversion for a zero-order hold"
     plan: Plan = problem.plan(method, trajectory, exact=False, remarks=(held_remark(hold, certificate),), certificate=certificate)
@@ -82,6 +86,18 @@ def _require_square(plant: SwitchedSystem) -> None:
             f"a plan for a zero-order hold needs as many inputs as outputs, got {plant.n_inputs} inputs {list(plant.inputs.names)} "
             f"for {plant.n_outputs} output(s) {list(plant.outputs.names)}; leave inputs out (StateSpace.with_inputs), or plan "
             "without hold: then the controller holds the mean of a continuous input"
+        )
+
+
+def _require_long_enough(hold: float, certificate: Certificate, ends: Sequence[End]) -> None:
+    """Raises PlanError for holds that are so short beside the zeros that rounding is left of the modes that take long."""
+    rates = np.abs(np.concatenate([end.zeros for end in ends]))
+    slowest = float(np.min(rates[rates > 0], initial=np.inf))
+    if certificate.worst(exact=False) > ACCURACY and slowest * hold < SHORT:
+        raise PlanError(
+            f"holds of {hold:g} s are too short beside zeros of {slowest:.3g} rad/s: one changes what belongs to these so little "
+            f"that rounding leaves {certificate.worst(exact=False):.1e} of the motion; plan without hold, which costs an error of "
+            "the order of the hold squared, or with a longer one"
         )
 
 
@@ -211,4 +227,9 @@ def _certified(
     outputs, every = range(problem.plant.n_outputs), np.arange(len(mesh))
     between = max(miss(i, every, share) for i in outputs for share in LOOKED_AT)
     matched = max(miss(i, chosen, float(element.shares[i])) for i in outputs for chosen, element in elements)
-    return replace(within, output_error=max(within.output_error, between), rest_residual=0.0), matched
+    # Beyond the mesh the plan goes on along its tails, which are those of the holds and no motion under the plan's own input.
+    (start, stop), limits = problem.manoeuvre, (problem.max_preactuation, problem.max_postactuation)
+    before, after, _ = actuation_times(trajectory, (start, stop), problem.tolerance, limits)
+    peaks = trajectory.peaks[: problem.plant.n_states]
+    at_rest = rest_residual(trajectory, (start - before, stop + after), np.where(peaks > 0, peaks, 1.0))
+    return replace(within, output_error=max(within.output_error, between), rest_residual=at_rest), matched

@@ -136,10 +136,11 @@ def _rehearsed(drive: Drive, learning: Learning) -> Array:
         if step.contraction is not None and step.contraction >= 1 and learning.steps[-2].error > SETTLED * first:
             grows = learning.growing()
             at = "" if grows is None else f", from {grows:.3g} rad/s on"
-            remedy = "" if grows is None or grows <= 0 else f"; learn within a band below {grows:.3g} rad/s"
+            narrower = "" if grows is None or grows <= 0 else f"within a band below {grows:.3g} rad/s, "
             raise LearningError(
                 f"learning does not contract: in rehearsal run {number} leaves {step.contraction:.3g} times the error of the run "
-                f"before{at}, so nothing was driven{remedy}, with a smaller gain than {learning.gain:g}, or with a better model"
+                f"before{at}, so nothing was driven; learn {narrower}with a smaller gain than {learning.gain:g}, or with a better "
+                "model"
             )
         if step.error <= SETTLED * first:
             break

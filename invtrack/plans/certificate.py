@@ -104,7 +104,7 @@ def certify(model: SwitchedSystem, trajectory: Trajectory, reference: PiecewiseS
         dynamics_residual=max(found.missed(size), _drift(model, trajectory, size)),
         output_error=found.output_error(model, reference, size),
         continuity=_continuity(model, trajectory, size),
-        rest_residual=_rest_residual(trajectory, span, size),
+        rest_residual=rest_residual(trajectory, span, size),
     )
 
 
@@ -223,7 +223,7 @@ def _continuity(model: SwitchedSystem, trajectory: Trajectory, size: Array) -> f
     return float(np.max(np.abs(right - left - shifts) / size))
 
 
-def _rest_residual(trajectory: Trajectory, span: tuple[float, float], size: Array) -> float:
+def rest_residual(trajectory: Trajectory, span: tuple[float, float], size: Array) -> float:
     """How much the states still change from the span's ends on outward, over ten times its length; infinite if they explode."""
     length = span[1] - span[0]
     times = np.array([span[0], span[0] - 10 * length, span[1], span[1] + 10 * length])

@@ -121,6 +121,14 @@ def test_equilibria_that_move_with_a_jump() -> None:
     assert np.max(np.abs(middle)) < 1e-10
 
 
+def test_holds_that_are_too_short_beside_a_slow_zero_are_refused_for_that_and_longer_ones_serve() -> None:
+    model = cantilever().systems[0]  # zeros at +-0.23 and +-1.8 rad/s
+    with pytest.raises(PlanError, match=r"holds of 0\.0005 s are too short beside zeros of 0\.23\d* rad/s"):
+        invtrack.invert(model, slew(), hold=5e-4)
+    plan = invtrack.invert(model, slew(), hold=5e-3)
+    assert 0 < plan.certificate.rest_residual < 1e-8  # measured where the plan ends, beyond its holds
+
+
 def test_a_point_of_the_wrong_parity_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     schemes = held.candidate_schemes(1, 1)
     monkeypatch.setattr(held, "candidate_schemes", lambda count, outputs: [schemes[1]])
