@@ -89,7 +89,6 @@ def main(quick: bool = False, turns: int = 5) -> None:
     methods_over_jumps([1, 10, 100, 1000] if not quick else [1, 10, 100], turns)
     limits_over_steps([0.04, 0.02, 0.01] if not quick else [0.08, 0.04], turns)
     linearization(turns)
-    motion_over_nodes([8e-3, 4e-3, 2e-3, 1e-3, 5e-4] if not quick else [8e-3, 4e-3, 2e-3], min(turns, 3))
 
 
 SIMS = Path(__file__).parents[1] / "sims"
@@ -401,42 +400,6 @@ def linearization(turns: int) -> None:
     }
     columns = [Column("linearize", "ms", "ours"), Column("mjd_transitionFD", "ms", "theirs"), Column("ratio")]
     print_table("Linearization", columns=columns, rows=rows, row_header="model")
-
-
-def motion_over_nodes(holds: Sequence[float], turns: int) -> None:
-    """Plan the nonlinear motion of a cart-pole by 3 m in 2 s for ever shorter holds, in processor time: how it grows with nodes."""
-    plant = invtrack.Plant.from_xml(invtrack.model_path("cart_pole"), inputs=["force"], outputs=["joint:cart"])
-    reference = invtrack.rest_to_rest(0.0, 3.0, duration=2.0)
-
-    def seconds(hold: float) -> float:
-        begin = time.process_time()
-        invtrack.invert(plant, reference, hold=hold)
-        return time.process_time() - begin
-
-    rows: dict[str, dict[str, Cell]] = {}
-    for hold in holds:
-        found = invtrack.invert(plant, reference, hold=hold)
-        nodes, steps = found.checks.elements + 1, len(found.iterations)  # type: ignore[attr-defined]
-        timing = compared([[seconds(hold), seconds(holds[0])] for _ in range(turns + 1)])
-        rows[f"{1e3 * hold:g} ms"] = {
-            "nodes": nodes,
-            "steps": steps,
-            "time": timing.first,
-            "ratio": timing.ratio,
-            "per_node": 1e6 * timing.first / nodes,
-        }
-    columns = [
-        Column("nodes"),
-        Column("Newton steps", key="steps"),
-        Column("plan", "s", "time"),
-        Column("ratio to the first", key="ratio"),
-    ]
-    print_table(
-        "Planning a cart-pole's motion for ever shorter holds",
-        columns=[*columns, Column("per node", "us", "per_node")],
-        rows=rows,
-        row_header="hold",
-    )
 
 
 def cantilever() -> invtrack.Plant:

@@ -139,6 +139,8 @@ def element_maps(derivatives: Derivatives, scheme: Scheme, lengths: Array) -> El
     def work(part: slice) -> ElementMaps:
         return _maps_of([a[part] for a in at_knots], scheme, lengths[part])
 
+    if len(parts) == 1:
+        return work(parts[0])
     with ThreadPoolExecutor(min(len(parts), os.cpu_count() or 1)) as pool:
         found = list(pool.map(work, parts))
     return ElementMaps(*(np.concatenate([getattr(maps, field.name) for maps in found]) for field in fields(ElementMaps)))

@@ -16,7 +16,7 @@ from invtrack.inversion.held_outputs import held_outputs
 from invtrack.inversion.nonlinear.ends import unstable, zeros_at
 from invtrack.inversion.nonlinear.rest import Rest, rest_with, rests_along
 from invtrack.inversion.smoothness import require_smooth
-from invtrack.linear.internal_dynamics import format_zeros, internal_dynamics
+from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros, internal_dynamics
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SAME_POINT, SwitchedSystem, as_switched
 from invtrack.plans.dynamics import Dynamics, Mechanism, ScheduledChange
@@ -108,10 +108,14 @@ class MotionProblem:
         """Invariant zeros at each of `rests` [rad/s]."""
         return tuple(zeros_at(each, rest) for each, rest in zip(self.dynamics_of_rests, self.rests, strict=True))
 
+    @cached_property
+    def _internal_at_start(self) -> InternalDynamics:
+        return internal_dynamics(self.linear_models[0])
+
     @property
     def relative_degree(self) -> tuple[int, ...] | None:
         """Of each output at the start; None where there is no vector relative degree."""
-        return internal_dynamics(self.linear_models[0]).form.relative_degree
+        return self._internal_at_start.form.relative_degree
 
     @property
     def dynamics_of_rests(self) -> tuple[Dynamics, ...]:
@@ -137,7 +141,7 @@ class MotionProblem:
     def _require_smooth(self) -> None:
         model = self.linear_models[0]
         deviation = self.reference + constant(-model.operating_point.y0, at=self.reference.manoeuvre[0])
-        require_smooth(as_switched(model), [internal_dynamics(model)], deviation)
+        require_smooth(as_switched(model), [self._internal_at_start], deviation)
 
     def _require_same_zeros(self) -> None:
         counts = [unstable(found, _pace(model)) for found, model in zip(self.zeros, self.linear_models, strict=True)]

@@ -18,6 +18,9 @@ SHORTEST = 2.0**-20
 RESIDUAL = 1e-9
 """Rates and outputs of an equilibrium, as a share of the terms that cancel in them."""
 
+ROUNDING = 1e-12
+"""Where no more is left, as a share of the terms that cancel, a step that does not reduce it shows that it is rounding."""
+
 CUT = 1e-9
 """Singular values below this share of the largest are directions that the conditions leave open."""
 
@@ -52,18 +55,18 @@ def rest_with(dynamics: Dynamics, outputs: Array, near: Rest) -> Rest | None:
         rows = _largest(J, axis=1)
         columns = _largest(J / rows[:, None], axis=0)
         step = scipy.linalg.lstsq(J / rows[:, None] / columns, -left / rows, cond=CUT)[0] / columns
-        share = 1.0
-        while share >= SHORTEST:
+        terms = np.abs(J) @ np.concatenate([np.ones(n), np.maximum(np.abs(u[0]), 1.0)])
+        worst = float(np.max(np.abs(left) / np.where(terms > 0, terms, 1.0)))
+        share, least = 1.0, 1.0 if worst <= ROUNDING else SHORTEST
+        while share >= least:
             moved, inputs = dynamics.retract(point, share * step[None, :n]), u + share * step[None, n:]
             after = residual(moved, inputs)
             if np.linalg.norm(after / rows) < np.linalg.norm(left / rows):
                 break
             share /= 2
-        if share < SHORTEST:
+        if share < least:
             break
         point, u, left = moved, inputs, after
-    terms = np.abs(J) @ np.concatenate([np.ones(n), np.maximum(np.abs(u[0]), 1.0)])
-    worst = float(np.max(np.abs(left) / np.where(terms > 0, terms, 1.0)))
     return Rest(point[0], u[0], worst) if worst <= RESIDUAL else None
 
 
