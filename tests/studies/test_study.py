@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -111,7 +110,7 @@ def test_a_point_of_a_sweep_that_diverges_is_missing_and_says_so(elsewhere: Path
 
 def test_an_interruption_keeps_the_cases_done(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def interrupt() -> invtrack.TrackingController:
-        os.kill(os.getpid(), signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
         raise AssertionError("the signal comes first")
 
     made = study(

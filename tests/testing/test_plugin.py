@@ -6,6 +6,7 @@ import re
 from importlib.metadata import entry_points
 from pathlib import Path
 
+import matplotlib as mpl
 import pytest
 
 import invtrack
@@ -66,6 +67,12 @@ def test_asks_itself(invtrack_run):
 def test_how_often():
     assert SIMULATED == ["arm", "arm, load-x1.5"]
 """
+
+
+@pytest.fixture(autouse=True)
+def _fonts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """matplotlib finds the fonts that it knows, although pytester moves the home folder: looking for them takes seconds."""
+    monkeypatch.setenv("MPLCONFIGDIR", mpl.get_cachedir())
 
 
 @pytest.fixture
