@@ -23,6 +23,7 @@ ROOMS: dict[str, set[str]] = {
     "arguments": set(),
     "channels": set(),
     "layout": set(),
+    "frames": {"pandas"},
     "linear": {*THEORY},
     "references": {"linear", *THEORY},
     "plans": {"linear", "references", *THEORY},
@@ -55,7 +56,7 @@ ROOMS: dict[str, set[str]] = {
 }
 ROOMS["command"] = {*ROOMS, "mujoco", "tyro", "matplotlib", "numba", "rerun", "scipy"}  # `doctor` names their versions
 ROOMS["__main__"] = {"command"}
-EVERYWHERE = {"arguments", "arrays", "channels", "errors", "files", "layout", "numpy"}
+EVERYWHERE = {"arguments", "arrays", "channels", "errors", "files", "frames", "layout", "numpy"}
 VAGUE_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}
 
 SHIPPED = PACKAGE / "sims"  # a wheel carries the simulations, too, which are users of the rooms and none of them

@@ -13,7 +13,7 @@ import tyro
 
 from invtrack.errors import InvtrackError
 from invtrack.figures import comparison_figure, save_figure
-from invtrack.results import RunResult, metrics
+from invtrack.results import RunResult, metrics, read_log
 from invtrack.studies.table import Column, print_table
 
 
@@ -35,7 +35,10 @@ class Compare:
     """Print the metrics of runs side by side, and draw their errors and inputs in one figure."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """Recordings (.rrd), or folders of runs."""
+    """Recordings (.rrd), or folders of runs; and logs of hardware (.csv) that was driven along the first run's plan."""
+
+    zero: Annotated[float, tyro.conf.arg(metavar="SECONDS")] = 0.0
+    """What the clock of logs shows when the plan's shows 0."""
 
     figure: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
     """Where to draw the comparison."""
@@ -45,7 +48,11 @@ class Compare:
 
     def execute(self) -> int:
         """Print and draw; 0."""
-        found = named_runs(recordings(self.runs))
+        logs = [path for path in self.runs if path.suffix.lower() == ".csv"]
+        found = named_runs(recordings(tuple(path for path in self.runs if path not in logs)))
+        first = next(iter(found.values()))
+        for path in logs:
+            found[str(path)] = read_log(path, first, zero=self.zero)
         rows = {name: {**metrics(run), "status": run.status} for name, run in found.items()}
         if self.json:
             print(json.dumps(rows, indent=2))

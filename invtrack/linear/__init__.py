@@ -1,5 +1,6 @@
 """Linear models: state-space systems that may switch, their normal form, and their invariant zeros."""
 
+from invtrack.linear.exchange import to_control, to_scipy
 from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.linear.normal_form import NormalForm, normal_form, relative_degree
 from invtrack.linear.oscillation import slowest_flexible_period
@@ -20,6 +21,8 @@ __all__ = [
     "normal_form",
     "relative_degree",
     "slowest_flexible_period",
+    "to_control",
+    "to_scipy",
     "without_hidden_modes",
     "zero_report",
     "zeros",

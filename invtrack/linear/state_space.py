@@ -13,6 +13,7 @@ from invtrack.arguments import by_name, instance, texts
 from invtrack.arrays import Array, finite_number, real_numbers
 from invtrack.channels import Channels
 from invtrack.errors import ModelError
+from invtrack.linear.display import in_a_line, in_html
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ class Measurement:
             object.__setattr__(self, name, value)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class StateSpace:
     """A linear model x' = A (x - rest) + B (u - u0), y = y0 + C (x - rest) + D (u - u0): n states, m inputs and p outputs.
 
@@ -174,6 +175,13 @@ class StateSpace:
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        """What it is, without its matrices."""
+        return in_a_line(self)
+
+    def _repr_html_(self) -> str:
+        return in_html(self)
 
     @property
     def n_states(self) -> int:

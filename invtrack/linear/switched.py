@@ -22,8 +22,11 @@ T = TypeVar("T")
 SAME_POINT = 1e-9
 """Entries of two configurations that differ by no more, absolutely or as a share, are the same to rounding."""
 
+SHOWN_TIMES = 5
+"""Switch times that a line tells."""
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class SwitchedSystem:
     """A, B, C, D constant between known switch times t_1 < ... < t_N [s]; the state is continuous at a switch.
 
@@ -75,6 +78,14 @@ class SwitchedSystem:
     def is_endless(self, system: StateSpace) -> bool:
         """Whether one of the models holds before the first or after the last switch, for ever."""
         return system is self.systems[0] or system is self.systems[-1]
+
+    def __repr__(self) -> str:
+        """What it is, without its matrices."""
+        if not len(self.switch_times):
+            return f"<SwitchedSystem that does not switch: {repr(self.systems[0])[1:-1]}>"
+        times = ", ".join(f"{time:.6g}" for time in self.switch_times[:SHOWN_TIMES])
+        more = f" and {len(self.switch_times) - SHOWN_TIMES} later times" if len(self.switch_times) > SHOWN_TIMES else ""
+        return f"<SwitchedSystem that switches at {times} s{more}, from {repr(self.systems[0])[1:-1]}>"
 
     @property
     def n_states(self) -> int:

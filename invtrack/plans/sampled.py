@@ -16,6 +16,7 @@ from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.errors import FileError, PlanError, TrajectoryError
 from invtrack.files import read_table, write_table
+from invtrack.frames import data_frame
 from invtrack.linear.state_space import Measurement, OperatingPoint, StateSpace
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
@@ -74,6 +75,15 @@ class SampledPlan:
             expected, shape = (len(self.time), len(self.names[array])), getattr(self, array).shape
             if shape != expected:
                 raise TrajectoryError(f"{array} has shape {shape}, expected {expected} for its times and names")
+
+    def to_pandas(self) -> Any:
+        """A pandas.DataFrame of the columns that `export_plan` writes, over the instants. Raises InvtrackError without pandas."""
+        columns = {
+            f"{array}.{name}": values
+            for array in ARRAYS
+            for name, values in zip(self.names[array], getattr(self, array).T, strict=True)
+        }
+        return data_frame(columns, index=self.time, index_name=TIME)
 
 
 def write_samples(samples: SampledPlan, path: str | Path) -> Path:

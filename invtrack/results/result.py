@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from invtrack.arguments import instance
 from invtrack.arrays import Array
 from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
+from invtrack.frames import data_frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +130,31 @@ class RunResult:
     def error(self) -> Array:
         """Tracking error y - y_d at the N + 1 times, (N + 1, p)."""
         return self.output.values - self.reference.values
+
+    def to_pandas(self) -> Any:
+        """A pandas.DataFrame of everything that was recorded, over the N + 1 times: "y.tip [m]", "y_d.tip [m]" and so on.
+
+        y, y_d and y_planned are outputs, u and u_commanded inputs, x and x_ref states, p parameters, measured and x_estimate what
+        the sensors showed and the estimate from it. Inputs and parameters of a row hold until the next row; the last row has none.
+        Raises InvtrackError where pandas is not installed.
+        """
+        signals = {
+            "y": self.output,
+            "y_d": self.reference,
+            "y_planned": self.planned_output,
+            "u": self.applied,
+            "u_commanded": self.commanded,
+            "x": self.state,
+            "x_ref": self.state_reference,
+            "p": self.parameters,
+            "measured": self.measured,
+            "x_estimate": self.estimate,
+        }
+        columns: dict[str, Array] = {}
+        for kind, signal in signals.items():
+            for label, values in zip(signal.channels.labels, signal.values.T, strict=True):
+                columns[f"{kind}.{label}"] = np.append(values, np.full(len(self.time) - len(values), np.nan))
+        return data_frame(columns, index=self.time, index_name="time [s]")
 
     def equals(self, other: RunResult) -> bool:
         """Bit-for-bit equality of everything the run holds."""

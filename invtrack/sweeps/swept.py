@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from invtrack.arguments import file_path, instance
 from invtrack.arrays import Array, whole_number
 from invtrack.errors import SweepError
+from invtrack.frames import data_frame
 from invtrack.results.result import RunResult
 from invtrack.sweeps.design import Design
 from invtrack.sweeps.procedure import Procedure
@@ -100,6 +101,18 @@ class Swept:
             )
         (length,) = lengths
         return np.array([np.full(length, np.nan) if values is None else values for values in found])
+
+    def to_pandas(self) -> Any:
+        """A pandas.DataFrame of the rows, over their indices: parameters, numbers, seeds, status, reasons; None: not defined.
+
+        Lists such as errors over time are not in it: `traces` gives them. Raises InvtrackError where pandas is not installed.
+        """
+        names = [*self.design.parameters, *dict.fromkeys(name for row in self.rows for name in row.numbers)]
+        columns: dict[str, list[Any]] = {
+            name: [row.point[name] if name in row.point else row.numbers.get(name) for row in self.rows] for name in names
+        }
+        columns |= {name: [getattr(row, name) for row in self.rows] for name in ("seed", "status", "reason")}
+        return data_frame(columns, index=[row.index for row in self.rows], index_name="index")
 
     def replay(self, row: Row | int, *, recording: str | Path | None = None) -> Replay:
         """Run one row again alone: `row`, or the one at this index.

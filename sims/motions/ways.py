@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -18,8 +18,8 @@ from invtrack.studies import Case, Column
 LEARNING_RUNS = 15
 """At most."""
 
-LEARNING_TAIL = 25.0
-"""How long each goes on after the motion [s]: until feedback has nothing left to correct."""
+LONG_BEFORE = -1e6
+"""When the mechanism got the parameters that it really has [s]."""
 
 COLUMNS = (
     Column("max error", "of motion", key="error_share"),
@@ -42,8 +42,11 @@ class Motion:
         Q, R: weights of states and inputs.
         schedule: changes of parameters on the way.
         linear: the linear model, with the same changes.
-        band: highest frequency [rad/s] that the linear inverse learns from run to run; None: learning is not among the ways.
+        band: highest frequency [rad/s] that an inverse learns from run to run; None: learning is not among the ways.
         contracts: whether it learns; False where this is what the motion shows.
+        actual: parameters that the mechanism really has all along, of which no plan knows. With them only the inverse of the motion
+            is driven, and learns; without them the linear inverse learns.
+        settling: how long each learning run goes on after the motion [s], until feedback has nothing left to correct.
         period: of the vibration that is looked for after the motion [s]; None: that of the slowest flexible mode.
     """
 
@@ -56,6 +59,8 @@ class Motion:
     linear: Callable[[invtrack.Plant], Any] = invtrack.linearize
     band: float | None = None
     contracts: bool = True
+    actual: Mapping[str, float] = field(default_factory=dict)
+    settling: float = 25.0
     period: float | None = None
 
     @cached_property
@@ -88,33 +93,40 @@ class Motion:
         plan = steady_state_feedforward(self.plant, self.reference, schedule=self.schedule)
         return invtrack.TrackingController(plan, invtrack.lqr(plan, Q=self.Q, R=self.R))
 
+    @property
+    def happening(self) -> list[invtrack.Change]:
+        """Changes of the mechanism's parameters, those that no plan knows of among them."""
+        known = [invtrack.Change(change.time, **{**change.parameters, **self.actual}) for change in self.schedule]
+        return [invtrack.Change(LONG_BEFORE, **self.actual), *known] if self.actual else known
+
     def learned(self, timestep: float) -> invtrack.TrackingController:
-        """The linear inverse after some runs in the simulator, corrected by the errors of the runs before; with its gains."""
+        """An inverse after some runs in the simulator, corrected by the errors of the runs before."""
+        gains = self.inverse(timestep).gains if self.actual else self.gains
 
         def drive(plan: invtrack.Plan) -> invtrack.RunResult:
-            controller = invtrack.TrackingController(plan, self.gains)
-            end = plan.manoeuvre[1] + LEARNING_TAIL
-            return invtrack.simulate(self.plant, controller, schedule=self.schedule, timestep=timestep, end=end)
+            controller = invtrack.TrackingController(plan, gains)
+            end = plan.manoeuvre[1] + self.settling
+            return invtrack.simulate(self.plant, controller, schedule=self.happening, timestep=timestep, end=end)
 
         def planner(reference: invtrack.PiecewiseSignal) -> invtrack.Plan:
+            if self.actual:
+                return invtrack.invert(self.plant, reference, schedule=self.schedule, hold=timestep)
             return invtrack.invert(self.model, reference)
 
         found = invtrack.iterate(
             drive, planner, self.reference, band=self.band, runs=LEARNING_RUNS, rehearsal=None if self.contracts else drive
         )
-        return invtrack.TrackingController(found.plan, self.gains)
+        return invtrack.TrackingController(found.plan, gains)
 
     def cases(self, timestep: float) -> list[Case]:
         """One for each way; the held inverse is that for the simulation's own steps [s]."""
-        ways: dict[str, Callable[[], invtrack.TrackingController]] = {
-            "inverse_for_the_hold": lambda: self.inverse(timestep),
-            "inverse": self.inverse,
-            "linear_inverse": self.linear_inverse,
-            "feedback_only": self.feedback_only,
-        }
+        ways: dict[str, Callable[[], invtrack.TrackingController]] = {"inverse_for_the_hold": lambda: self.inverse(timestep)}
+        if not self.actual:
+            ways |= {"inverse": self.inverse, "linear_inverse": self.linear_inverse, "feedback_only": self.feedback_only}
+        learning = "inverse_learned" if self.actual else "linear_inverse_learned"
         if self.band is not None:
-            ways["linear_inverse_learned"] = lambda: self.learned(timestep)
-        settings = {"schedule": self.schedule, "vibration_period": self.period}
+            ways[learning] = lambda: self.learned(timestep)
+        settings = {"schedule": self.happening, "vibration_period": self.period}
         cases = []
         for way, make in ways.items():
             controllers: list[invtrack.TrackingController] = []
@@ -128,7 +140,7 @@ class Motion:
             def numbers(run: invtrack.RunResult, kept: list[invtrack.TrackingController] = controllers) -> dict[str, Any]:
                 return self.numbers(run, kept[-1])
 
-            refused = LearningError if way == "linear_inverse_learned" and not self.contracts else None
+            refused = LearningError if way == learning and not self.contracts else None
             name = f"{self.name}_{way}" if self.name else way
             cases.append(Case(name, self.plant, planned, settings=settings, numbers=numbers, refused_by=refused))
         return cases

@@ -66,6 +66,11 @@ def test_a_run_keeps_what_it_shows_and_methods_compare(folder: Path, capsys: pyt
     rows = json.loads(capsys.readouterr().out)
     assert rows["exact"]["max_error"] == exact["max_error"]
     assert (folder / "both.png").stat().st_size > 1000
+    (driven,) = invtrack.load_recording(folder / "exact" / "exact.rrd").values()
+    rows = [f"{t + 10},{y + 2e-3}" for t, y in zip(driven.time, driven.output.values[:, 0], strict=True)]
+    (folder / "rig.csv").write_text("\n".join(["time [s],site:load:x [m]", *rows]))
+    assert status_of("compare", "exact", "rig.csv", "--zero", "10", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["rig.csv"]["max_error"] == pytest.approx(2e-3, abs=1.1 * exact["max_error"])
 
 
 def test_changes_surprises_sensors_and_a_slow_controller(folder: Path) -> None:

@@ -185,6 +185,8 @@ def _calls() -> dict[str, Call]:
         "zero_report": call(linear.zero_report, system=model),
         "without_hidden_modes": call(linear.without_hidden_modes, model=model),
         "format_zeros": call(linear.format_zeros, takes=("complex", "complex matrix"), zeros=[1.0 + 2.0j], size=1.0),
+        "to_control": call(linear.to_control, system=model),
+        "to_scipy": call(linear.to_scipy, system=model),
         "slowest_flexible_period": call(linear.slowest_flexible_period, system=model),
         # references
         "rest_to_rest": call(invtrack.rest_to_rest, start=0.0, end=1.0, duration=1.0, smoothness=2, start_time=0.0),
@@ -471,7 +473,7 @@ def _calls() -> dict[str, Call]:
             progress=None,
         ),
         # results
-        "read_log": call(invtrack.read_log, path="log.csv", plan=plan, columns={"y1": "y"}, time="time", zero=0.0, name="log"),
+        "read_log": call(invtrack.read_log, path="log.csv", along=plan, columns={"y1": "y"}, time="time", zero=0.0, name="log"),
         "max_error": call(invtrack.max_error, result=run, wanted="reference"),
         "rms_error": call(results.rms_error, result=run, wanted="reference"),
         "assert_tracks": call(testing.assert_tracks, run=vibrating, within=1.0, output="tip_position"),

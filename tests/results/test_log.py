@@ -65,6 +65,18 @@ def test_what_a_log_does_not_hold_is_said_and_drawn_and_recorded_without(run: in
     assert invtrack.load_recording(saved)["rig"].equals(log)
 
 
+def test_along_a_run_a_log_is_compared_with_what_the_run_was_to_do(run: invtrack.RunResult, tmp_path: Path) -> None:
+    time = np.linspace(run.time[0] - 1.0, run.time[-1] + 1.0, 3333)  # not the run's samples, and more than its span
+    path = written(tmp_path, "time,tip,force", time, PLAN(time).y + 1e-3, PLAN(time).u)
+    by_run, by_plan = invtrack.read_log(path, run), invtrack.read_log(path, PLAN)
+    assert (by_run.time[0], by_run.time[-1]) == (time[time >= run.time[0]][0], time[time <= run.time[-1]][-1])
+    assert invtrack.max_error(by_run) == pytest.approx(1e-3, rel=2e-2)  # interpolated between samples
+    assert invtrack.max_error(by_plan) == pytest.approx(1e-3, rel=1e-6)
+    assert (by_run.manoeuvre, by_run.vibration_period) == (run.manoeuvre, run.vibration_period)
+    with pytest.raises(FileError, match="the plan that the hardware was driven along, or a run along it, got 3"):
+        invtrack.read_log(path, 3)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(
     ("header", "shift", "options", "says"),
     [

@@ -17,3 +17,10 @@ def test_arms_are_raised_against_gravity_by_the_inverse_of_their_motion(tmp_path
         assert errors[f"{motion}_linear_inverse"] > 1e2 * errors[f"{motion}_inverse"]
         assert errors[f"{motion}_feedback_only"] > 1e2 * errors[f"{motion}_inverse"]
     assert summary["cases"]["joints_inverse"]["preactuation_time"] == 0.0  # minimum phase: no zeros at all
+
+
+def test_the_inverse_learns_what_bearings_rub_more_than_the_model_knows(tmp_path: Path) -> None:
+    words = [word for way in ("for_the_hold", "learned") for word in ("--case", f"rubbing_inverse_{way}")]
+    cases = summary_of("flexible_arm", tmp_path, *words, timestep=8e-3, says="Flexible arms raised against gravity")["cases"]
+    assert cases["rubbing_inverse_for_the_hold"]["error_share"] > 1e-2
+    assert cases["rubbing_inverse_learned"]["error_share"] < 1e-3

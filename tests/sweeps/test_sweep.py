@@ -53,6 +53,14 @@ def test_a_run_that_diverges_and_a_point_that_is_refused_are_rows_with_their_rea
     assert complete.completed.tolist() == [i not in (3, 7) for i in range(12)]
 
 
+def test_the_rows_as_a_data_frame(complete: Swept) -> None:
+    frame = complete.to_pandas()
+    assert list(frame.index) == list(range(12))
+    assert frame["status"].value_counts().to_dict() == {"completed": 10, "diverged": 1, "refused": 1}
+    assert np.array_equal(frame["max_error"].astype(float), complete.numbers("max_error"), equal_nan=True)
+    assert list(frame["stiffness"]) == list(complete.design.column("stiffness"))
+
+
 def test_the_file_holds_the_rows_in_the_order_of_the_design(complete: Swept) -> None:
     table = pq.read_table(complete.path)
     assert table["index"].to_pylist() == list(range(12))
