@@ -3,8 +3,8 @@
     plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
 
 Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `references`, `plans`, `inversion`,
-`redesign`, `regulation`, `control`, `baselines`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`,
-`sweeps`, `testing`, `command`.
+`redesign`, `regulation`, `control`, `baselines`, `mechanisms`, `simulation`, `results`, `learning`, `recording`, `figures`,
+`studies`, `sweeps`, `testing`, `command`.
 
 Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, and the papers in it.
 """
@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
     from invtrack import inversion as inversion
     from invtrack import learning as learning
     from invtrack import linear as linear
+    from invtrack import mechanisms as mechanisms
     from invtrack import plans as plans
     from invtrack import plant as plant
     from invtrack import recording as recording
@@ -141,6 +142,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
         "place",
     ),
     "baselines": (),
+    "mechanisms": (),
     "simulation": ("LinearPlant", "Sensor", "simulate"),
     "results": ("RunResult", "max_error", "metrics", "read_log", "residual_vibration"),
     "learning": ("iterate",),

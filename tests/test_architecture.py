@@ -33,6 +33,7 @@ ROOMS: dict[str, set[str]] = {
     "control": {"linear", "references", "plans", "regulation", *THEORY},
     "baselines": {"linear", "references", "plans", "inversion", "control", *THEORY},
     "plant": {"linear", "plans", "mujoco", "numba", "llvmlite", *THEORY},
+    "mechanisms": {"mujoco", *THEORY},
     "results": {"linear", "references", "plans"},
     "learning": {"references", "plans", "results"},
     "simulation": {"linear", "plans", "control", "plant", "results", "mujoco", *THEORY},

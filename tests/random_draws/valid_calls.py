@@ -24,6 +24,7 @@ from invtrack import (
     inversion,
     learning,
     linear,
+    mechanisms,
     plans,
     plant,
     recording,
@@ -43,6 +44,7 @@ ROOMS = (
     "inversion",
     "learning",
     "linear",
+    "mechanisms",
     "plans",
     "plant",
     "recording",
@@ -78,7 +80,7 @@ NOT_DOORS = {
     # protocols, aliases and what only its own tests make
     *("Mode", "Oscillation", "RunAssertionError"),
     *("Learned", "LearningStep"),
-    *("Dynamics", "Mechanism", "mechanism"),
+    *("Chain", "Dynamics", "Mechanism", "mechanism"),
     *("Controller", "Law", "Observer", "PlanFollower", "Parameter", "Stepper", "Line", "Cell", "Rows"),
     # of studies: made of functions, checked where the study runs
     *("Case", "Setup", "Study", "Table"),
@@ -403,6 +405,23 @@ def _calls() -> dict[str, Call]:
             state_observer=luenberger,
             period=0.01,
         ),
+        # mechanisms
+        "Beam": call(
+            mechanisms.Beam,
+            length=1.0,
+            width=0.05,
+            thickness=0.004,
+            youngs_modulus=2e11,
+            density=7850.0,
+            segments=3,
+            base_mass=4.0,
+            payload=0.2,
+            payload_inertia=1e-4,
+            damping=[0.01, 0.02],
+            orientation="hanging",
+        ),
+        "Beam.surface_strain": call(mechanisms.Beam(segments=2).surface_strain, angles=[0.01, 0.02]),
+        "Beam.strain_energy": call(mechanisms.Beam(segments=2).strain_energy, angles=[0.01, 0.02]),
         # baselines
         "Shaper": call(baselines.Shaper, times=[0.0, 1.0], amplitudes=[0.5, 0.5], kind="own", modes=()),
         "Shaper.shaped": call(zv.shaped, reference=slew),
