@@ -4,6 +4,7 @@ from invtrack.control.amplification import amplification
 from invtrack.control.bryson import bryson
 from invtrack.control.exosystem_controller import ExosystemController
 from invtrack.control.gains import GainsAlong, GainSchedule, place
+from invtrack.control.lifted_gains import lifted_gains
 from invtrack.control.lqr import lqr
 from invtrack.control.observer import ExosystemObserver, KalmanFilter, LuenbergerObserver, Observer
 from invtrack.control.output_feedback import OutputFeedbackController, OutputFeedbackLaw
@@ -29,6 +30,7 @@ __all__ = [
     "TrackingController",
     "amplification",
     "bryson",
+    "lifted_gains",
     "lqr",
     "place",
 ]

@@ -69,7 +69,7 @@ def without_hidden_modes(model: Any) -> StateSpace | SwitchedSystem:
 
 
 @dataclass(frozen=True, eq=False)
-class _KeptStates:
+class KeptStates:
     """New states z = L x (m, n), from which x = R z (n, m) but for what is left out."""
 
     L: Array
@@ -98,7 +98,7 @@ class _KeptStates:
         )
 
 
-def _kept_states(left_out: Array, units: Array, states: Channels) -> _KeptStates:
+def _kept_states(left_out: Array, units: Array, states: Channels) -> KeptStates:
     """States that take no part in `left_out` (n, h), as they are, then combinations of the others at right angles to it."""
     n, h = left_out.shape
     involved = np.any(left_out, axis=1)
@@ -110,7 +110,7 @@ def _kept_states(left_out: Array, units: Array, states: Channels) -> _KeptStates
     unit = np.eye(n)[:, alone]
     letters = (f"z{i}" for i in range(1, 2 * n + 1))
     names = [name for name in letters if name not in states][: combinations.shape[1]]
-    return _KeptStates(
+    return KeptStates(
         L=np.hstack([unit, combinations / units[:, None]]).T,
         R=np.hstack([unit, combinations * units[:, None]]),
         channels=Channels([*(states.names[i] for i in alone), *names], [*(states.units[i] for i in alone), *[""] * len(names)]),

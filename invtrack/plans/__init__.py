@@ -3,6 +3,7 @@
 from invtrack.plans.certificate import Certificate, certify
 from invtrack.plans.dynamics import Derivatives, Dynamics, Mechanism, mechanism
 from invtrack.plans.export import export_plan, read_plan, sampled_plan
+from invtrack.plans.lifted import lifted
 from invtrack.plans.linearizations import Linearizations
 from invtrack.plans.plan import Plan, Samples
 from invtrack.plans.preactuation import PreactuationBound, preactuation_bound
@@ -28,6 +29,7 @@ __all__ = [
     "TwoSidedSegments",
     "certify",
     "export_plan",
+    "lifted",
     "mechanism",
     "preactuation_bound",
     "read_plan",

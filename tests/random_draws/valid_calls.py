@@ -79,7 +79,7 @@ NOT_DOORS = {
     *("Instants", "Configuration", "Session", "InvtrackError", "DivergedError", "MissingError"),
     # protocols, aliases and what only its own tests make
     *("Mode", "Oscillation", "RunAssertionError"),
-    *("Learned", "LearningStep"),
+    *("Learned", "LearningStep", "Reduction", "ZerosAlong"),
     *("Chain", "Dynamics", "Mechanism", "mechanism"),
     *("Controller", "Law", "Observer", "PlanFollower", "Parameter", "Stepper", "Line", "Cell", "Rows"),
     # of studies: made of functions, checked where the study runs
@@ -138,6 +138,8 @@ def _calls() -> dict[str, Call]:
     prefilter = redesign.prefilter(invtrack.StateSpace(A, B, np.array([[1.0, 0.0]])), **weights)
     trade_off = redesign.pareto_sweep(model, bump, weights=[weights])
     luenberger = control.LuenbergerObserver([-4.0, -5.0])
+    rods = invtrack.StateSpace(np.diag([-1.0, -1.5, -20.0]), np.ones((3, 1)), np.ones((1, 3)))
+    reduction = linear.modal_truncation(rods, band=0.5, modes=1)
     times, values = np.linspace(0.0, 1.0, 12), np.linspace(0.0, 1.0, 12) ** 2
     Path("reference.csv").write_text(
         "time,y\n" + "\n".join(f"{t},{v}" for t, v in zip(times, values, strict=True)), encoding="utf-8"
@@ -190,6 +192,10 @@ def _calls() -> dict[str, Call]:
         "to_control": call(linear.to_control, system=model),
         "to_scipy": call(linear.to_scipy, system=model),
         "slowest_flexible_period": call(linear.slowest_flexible_period, system=model),
+        "modal_truncation": call(linear.modal_truncation, model=rods, band=0.5, accuracy=0.9, modes=1, residual_stiffness=False),
+        "balanced_truncation": call(linear.balanced_truncation, model=rods, band=0.5, accuracy=0.9, modes=1),
+        "Reduction.output_error": call(reduction.output_error, frequencies=[0.5, 1.0], interval=0),
+        "zeros_along": call(linear.zeros_along, model=invtrack.StateSpace(A, B, np.eye(2)), stations=[0.0, 1.0], places=[0.3, 0.7]),
         # references
         "rest_to_rest": call(invtrack.rest_to_rest, start=0.0, end=1.0, duration=1.0, smoothness=2, start_time=0.0),
         "s_curve": call(
@@ -252,6 +258,7 @@ def _calls() -> dict[str, Call]:
         "export_plan": call(plans.export_plan, plan=plan, path="out.csv", rate=50.0, inputs="midpoint", start=-1.0, end=2.0),
         "sampled_plan": call(plans.sampled_plan, plan=plan, rate=50.0, inputs="midpoint", start=-1.0, end=2.0),
         "read_plan": call(plans.read_plan, path="plan.csv", plant=None),
+        "lifted": call(plans.lifted, plan=invtrack.invert(reduction.reduced, slew), reduction=reduction),
         "preactuation_bound": call(plans.preactuation_bound, plan=invtrack.invert(antistable, slew)),
         # inversion
         "invert": call(
@@ -377,6 +384,7 @@ def _calls() -> dict[str, Call]:
         "RegulationMap.inadmissible_share": call(maps.inadmissible_share, x_e=maps.admissible[:, 0], at=0.0),
         # control
         "lqr": call(invtrack.lqr, model=model, Q=1.0, R=1.0),
+        "lifted_gains": call(control.lifted_gains, gains=[[1.0]], reduction=reduction),
         "amplification": call(control.amplification, plan=plan, gains=gains),
         "bryson": call(invtrack.bryson, model=model, states={"x1": 0.1}, outputs={"y1": 0.1}, inputs={"u1": 1.0}),
         "place": call(invtrack.place, model=model, poles=[-1.0, -2.0]),
