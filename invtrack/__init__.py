@@ -3,8 +3,10 @@
     plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
 
 Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `references`, `plans`, `inversion`,
+`redesign`, `preview`, `regulation`, `control`, `baselines`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`,
 `redesign`, `regulation`, `control`, `baselines`, `mechanisms`, `simulation`, `results`, `learning`, `recording`, `figures`,
 `studies`, `sweeps`, `testing`, `command`.
+`sweeps`, `testing`, `command`.
 
 Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, and the papers in it.
 """
@@ -27,6 +29,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
     from invtrack import mechanisms as mechanisms
     from invtrack import plans as plans
     from invtrack import plant as plant
+    from invtrack import preview as preview
     from invtrack import recording as recording
     from invtrack import redesign as redesign
     from invtrack import references as references
@@ -129,6 +132,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "plans": ("Plan", "export_plan", "read_plan"),
     "inversion": ("causal_inverse", "invert", "modified_inversion"),
     "redesign": ("Limits", "StateLimit", "constrained_redesign", "quadratic_redesign"),
+    "preview": (),
     "regulation": ("exosystem_map",),
     "control": (
         "ExosystemController",
