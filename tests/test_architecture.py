@@ -29,7 +29,7 @@ ROOMS: dict[str, set[str]] = {
     "plans": {"linear", "references", *THEORY},
     "inversion": {"linear", "references", "plans", *THEORY},
     "redesign": {"linear", "references", "plans", "inversion", "clarabel", *THEORY},
-    "preview": {"linear", "references", "plans", "inversion", "redesign", *THEORY},
+    "preview": {"linear", "references", "plans", "inversion", "redesign", "control", *THEORY},
     "regulation": {"linear", "references", "plans", "inversion", *THEORY},
     "control": {"linear", "references", "plans", "regulation", *THEORY},
     "baselines": {"linear", "references", "plans", "inversion", "control", *THEORY},

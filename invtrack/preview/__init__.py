@@ -1,14 +1,19 @@
 """Plans for references that are known only some time ahead: inversion and redesign with preview."""
 
+from invtrack.preview.bound import PreviewBound, preview_bound
 from invtrack.preview.inversion import inversion_planner, preview_inversion
 from invtrack.preview.planner import Foreseen, PlanPiece, PreviewPlanner
 from invtrack.preview.redesign import preview_redesign, redesign_planner
+from invtrack.preview.worst_reference import WorstReference
 
 __all__ = [
     "Foreseen",
     "PlanPiece",
+    "PreviewBound",
     "PreviewPlanner",
+    "WorstReference",
     "inversion_planner",
+    "preview_bound",
     "preview_inversion",
     "preview_redesign",
     "redesign_planner",

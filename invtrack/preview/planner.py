@@ -131,7 +131,8 @@ class PreviewPlanner:
     middle, and no other guess has a smaller largest error. What is new at an update changes the plan by no more than it decays over
     the preview, at the rate of the slowest antistable zero, of a redesign of the slowest closed-loop pole.
 
-    Made by `inversion_planner` and `redesign_planner`.
+    Made by `inversion_planner` and `redesign_planner`; `law` is the method on its plant, `preview` and `period` [s] are what it was
+    made for.
     """
 
     def __init__(self, law: PreviewLaw, *, preview: float, period: float, start: float, held: ArrayLike | None) -> None:
@@ -141,7 +142,7 @@ class PreviewPlanner:
             law: the method on its plant.
             preview, period, start, held: see `inversion_planner`.
         """
-        self._law = law
+        self.law = law
         self.period = _positive("period", period)
         self.preview = _positive("preview", preview)
         count = round(min(self.preview / self.period, 2.0 * MOST_PERIODS))
@@ -178,7 +179,7 @@ class PreviewPlanner:
     @property
     def method(self) -> str:
         """Its name."""
-        return self._law.method
+        return self.law.method
 
     @property
     def time(self) -> float:
@@ -193,7 +194,7 @@ class PreviewPlanner:
     @property
     def foreseen(self) -> Foreseen:
         """What is foreseen for the next update."""
-        return Foreseen(int(self._law.plant.interval(self.time)), self._z_f, self._phi)
+        return Foreseen(int(self.law.plant.interval(self.time)), self._z_f, self._phi)
 
     def update(self, reference: PiecewiseSignal | None = None) -> PlanPiece:
         """The plan for the next period, from `time` to `time` + period.
@@ -204,7 +205,7 @@ class PreviewPlanner:
         Raises TrajectoryError for a reference with a wrong number of channels, one that is not smooth enough, and one that does not
         go on from where the last one was left.
         """
-        number, law = self._number, self._law
+        number, law = self._number, self.law
         known = self._stretches(self._checked(reference), number + self._count - 1)
         self._know(known)
         cell = self._cells.popleft()
@@ -229,7 +230,7 @@ class PreviewPlanner:
             change: of [x; u; y] at the start against the last plan.
             zeta: at the start, as deviation from rest.
         """
-        law, (n, m) = self._law, (self._law.plant.n_states, self._law.plant.n_inputs)
+        law, (n, m) = self.law, (self.law.plant.n_states, self.law.plant.n_inputs)
         first, each = cell[0], law.intervals[cell[0].interval]
         z_b = phi if first.Phi is None else first.Phi[0] @ z_f + phi
         values = (
@@ -265,14 +266,14 @@ class PreviewPlanner:
             self._told = None
             return self._extension()
         if reference is not self._told:
-            require_reference(self._law.plant, reference)
-            self._law.chain.require_smooth(reference, self._law.plant.outputs.names)
+            require_reference(self.law.plant, reference)
+            self.law.chain.require_smooth(reference, self.law.plant.outputs.names)
             self._require_going_on(reference)
             self._told = reference
         return reference
 
     def _require_going_on(self, reference: PiecewiseSignal) -> None:
-        chain, left, time = self._law.chain, self._horizon.zeta[:-1], self._horizon.end
+        chain, left, time = self.law.chain, self._horizon.zeta[:-1], self._horizon.end
         piece = int(np.searchsorted(reference.breakpoints, time, side="right"))
         generator = reference.generators[reference.kind[piece]]
         goes_on = chain.zeta(generator) @ state_at(reference, piece, time)
@@ -286,12 +287,12 @@ class PreviewPlanner:
 
     def _extension(self) -> PiecewiseSignal:
         """The polynomials as which the outputs go on."""
-        generator, p = self._law.chain.generator, len(self._law.chain.orders)
+        generator, p = self.law.chain.generator, len(self.law.chain.orders)
         w = np.concatenate([self._horizon.zeta[:-1], np.zeros(p)])
         return PiecewiseSignal(np.array([self._horizon.end]), (generator,), np.zeros(2, dtype=np.intp), np.array([w, w]))
 
     def _stretches(self, reference: PiecewiseSignal, number: int) -> list[Stretch]:
-        return stretches(self._law, self._deviations, reference, self._horizon.time(number), self._horizon.time(number + 1))
+        return stretches(self.law, self._deviations, reference, self._horizon.time(number), self._horizon.time(number + 1))
 
     def _know(self, cell: list[Stretch]) -> None:
         self._horizon.append(cell)

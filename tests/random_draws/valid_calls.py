@@ -84,7 +84,7 @@ NOT_DOORS = {
     *("Learned", "LearningStep", "Reduction", "ZerosAlong"),
     *("Chain", "Dynamics", "Mechanism", "mechanism"),
     *("Learned", "LearningStep"),
-    *("Foreseen", "PlanPiece", "PreviewPlanner"),
+    *("Foreseen", "PlanPiece", "PreviewBound", "PreviewPlanner", "WorstReference"),
     *("Dynamics", "Mechanism", "mechanism"),
     *("Controller", "Law", "Observer", "PlanFollower", "Parameter", "Stepper", "Line", "Cell", "Rows"),
     # of studies: made of functions, checked where the study runs
@@ -643,6 +643,9 @@ def _calls() -> dict[str, Call]:
             preview.redesign_planner, model=model, R=1.0, Q_x=0.0, Q_y=1.0, preview=0.5, period=0.1, start=0.0, held=[0.0]
         ),
         "PreviewPlanner.update": call(preview.inversion_planner(antistable, preview=0.5, period=0.1).update, reference=slew),
+        "preview_bound": call(
+            preview.preview_bound, planner=preview.inversion_planner(antistable, preview=0.5, period=0.1), gains=gains
+        ),
         "preview_inversion": call(
             preview.preview_inversion,
             model=antistable,
