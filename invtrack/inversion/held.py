@@ -13,7 +13,7 @@ from invtrack.errors import BoundednessError, NonHyperbolicError, PlanError, Rel
 from invtrack.inversion.axis_zeros import split_through_axis
 from invtrack.inversion.held_outputs import held_outputs
 from invtrack.inversion.held_trajectory import HeldMotion, trajectory_of_holds
-from invtrack.inversion.nonlinear.boundary_value import solve_bidiagonal
+from invtrack.inversion.nonlinear.boundary_value import TwoPointProblem
 from invtrack.inversion.nonlinear.elements import candidate_schemes
 from invtrack.inversion.nonlinear.ends import End
 from invtrack.inversion.nonlinear.mesh import Mesh
@@ -197,7 +197,7 @@ def _solve(
         b[chosen] = rest_x[chosen] - rest_x[chosen] @ element.exact.T + wanted[chosen] @ element.push.T
     (start, end), first, last = ends, plant.rest_states[0] + rests[0][0], plant.rest_states[-1] + rests[1][0]
     L, R = start.start_rows(), end.end_rows()
-    x = solve_bidiagonal(M, b, (L, L @ first), (R, R @ last), plant_units(plant.systems[0]))
+    x = TwoPointProblem.of(M, L, R, plant_units(plant.systems[0])).solve(b, L @ first, R @ last)
     u = np.empty((N, plant.n_inputs))
     for chosen, element in elements:
         u[chosen] = rest_u[chosen] + wanted[chosen] @ element.gain.T - (x[chosen] - rest_x[chosen]) @ element.back.T

@@ -86,4 +86,4 @@ def _predicted(found: list[tuple[float, Motion]], amplitude: float, shooting: Sh
     dynamics = shooting.dynamics[0]
     points = dynamics.retract(new.points, ratio * dynamics.difference(new.points, old.points))
     coefficients = new.coefficients + ratio * (new.coefficients - old.coefficients)
-    return Motion(points, np.asarray(coefficients))
+    return Motion(points, np.asarray(coefficients), np.asarray(new.bend + ratio * (new.bend - old.bend)))

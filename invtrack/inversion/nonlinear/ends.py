@@ -94,6 +94,21 @@ class End:
         """Rows R (n_u, n): R (x - rest) = 0 for a motion that comes to rest."""
         return self._rows(expanding=True)
 
+    def rows_at_rest(self, zeros: ComplexArray, *, expanding: bool) -> Array:
+        """Rows S (k, n): S (x - rest) = 0 where these zeros (., ) [rad/s] are at rest, those outside the unit circle or the others.
+
+        Orthonormal in balanced units.
+        """
+        multipliers = np.linalg.eigvals(self.M)
+        left, chosen = list(range(len(multipliers))), []
+        for zero in zeros:
+            chosen.append(left.pop(int(np.argmin(np.abs(multipliers[left] - np.exp(zero * self.length))))))
+        own = np.isin(np.arange(len(multipliers)), chosen) & ((np.abs(multipliers) > 1 + NEUTRAL) == expanding)
+        _, Q, count = scipy.linalg.schur(
+            self.M.T, sort=lambda re, im: bool(own[np.argmin(np.abs(multipliers - complex(re, im)))])
+        )
+        return np.asarray(Q[:, :count].T / self.scale)
+
     def departure(self, side: Side) -> Departure:
         """Motions about rest that die out away from a manoeuvre, on that side of it, but not within a few elements."""
         multipliers = np.linalg.eigvals(self.M)

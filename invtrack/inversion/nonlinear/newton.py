@@ -67,12 +67,12 @@ def converged(
             if not (np.all(np.isfinite(nodes)) and np.all(np.isfinite(away))):
                 return None, tuple(found)
             try:
-                states, coefficients = shooting.step(motion, nodes, gaps, away)
+                change = shooting.step(motion, nodes, gaps, away)
             except (np.linalg.LinAlgError, ValueError):  # scipy says ValueError of what is not finite
                 return None, tuple(found)
-            motion = shooting.moved(motion, states, coefficients)
+            motion = shooting.moved(motion, change)
             size = shooting.sizes(motion)
-            step, defect = (float(np.max(np.abs(each) / size)) for each in (states, gaps))
+            step, defect = (float(np.max(np.abs(each) / size)) for each in (change.states, gaps))
             missed = float(np.max(np.abs(away) / np.where(shooting.motion_size > 0, shooting.motion_size, np.inf)[:, None]))
             found.append(Iteration(amplitude, defect, missed, step, shooting.number, len(mesh), scheme.count))
             if not np.isfinite(step):

@@ -9,7 +9,8 @@ from typing import TypeVar
 import numpy as np
 
 from invtrack.arrays import Array, Indices
-from invtrack.inversion.nonlinear.boundary_value import solve_bidiagonal
+from invtrack.inversion.nonlinear.bend import Border
+from invtrack.inversion.nonlinear.boundary_value import TwoPointProblem
 from invtrack.inversion.nonlinear.elements import ElementMaps, Scheme, element_maps
 from invtrack.inversion.nonlinear.ends import End
 from invtrack.inversion.nonlinear.mesh import Mesh
@@ -23,15 +24,30 @@ FLOOR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """States at the nodes of a mesh (N + 1, .) and coefficients of the inputs on its elements (N, s, m)."""
+    """States at the nodes of a mesh (N + 1, .), coefficients of the inputs on its elements (N, s, m), and how outputs are bent.
+
+    bend: weights of the bumps by which outputs depart from those wanted (J, p); none where they are followed exactly.
+    """
 
     points: Array
     coefficients: Array
+    bend: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A step of Newton's method: of states, as tangents (N + 1, n), of coefficients (N, s m), and of the bend (J, p)."""
+
+    states: Array
+    coefficients: Array
+    bend: Array
 
 
 @dataclass(frozen=True, eq=False)
 class Shooting:
     """What a motion has to meet: x_(k+1) = Phi(x_k, c_k), outputs at their points, and the ends.
+
+    With a border outputs may be bent, as little as puts what it names to rest at both ends.
 
     Args:
         dynamics: of each interval.
@@ -40,6 +56,7 @@ class Shooting:
         motion_size: of the outputs (p,), by which misses are measured.
         ends: where the motion starts and ends.
         number: of the mesh, among those that were tried, for the log.
+        border: what bends the outputs, and what for; None where they are followed exactly.
         _last: the nodes of the motion that was asked for last, on which mesh.
     """
 
@@ -50,6 +67,7 @@ class Shooting:
     motion_size: Array
     ends: tuple[End, End]
     number: int = 1
+    border: Border | None = None
     _last: list[tuple[Mesh, Motion, Array]] = field(default_factory=list, repr=False)
 
     def nodes(self, motion: Motion) -> Array:
@@ -108,7 +126,8 @@ class Shooting:
         y = self.outputs(nodes[:, points], inputs)
         place = np.searchsorted(points, self.scheme.points)
         reached = np.stack([y[:, place[i], i] for i in range(len(place))], axis=1)
-        away = self.dynamics[0].output_difference(reached.transpose(0, 2, 1), self.wanted.transpose(0, 2, 1))
+        wanted = self.wanted if self.border is None else self.wanted + self._bent(self.border, motion.bend)
+        away = self.dynamics[0].output_difference(reached.transpose(0, 2, 1), wanted.transpose(0, 2, 1))
         return gaps, away.transpose(0, 2, 1)
 
     def departures(self, motion: Motion) -> Array:
@@ -123,23 +142,39 @@ class Shooting:
         largest = float(np.max(peaks / scale))
         return np.asarray(np.maximum(peaks, FLOOR * largest * scale) if largest > 0 else scale)
 
-    def step(self, motion: Motion, nodes: Array, gaps: Array, away: Array) -> tuple[Array, Array]:
-        """Newton's changes of states (N + 1, n) and coefficients (N, s m). Raises LinAlgError where there is none."""
+    def step(self, motion: Motion, nodes: Array, gaps: Array, away: Array) -> Change:
+        """Newton's step. Raises LinAlgError where there is none."""
         maps = self.maps(motion, nodes)
         back, gain = maps.inverse
-        wanting = np.einsum("kij,kj->ki", gain, away.reshape(len(away), -1))
-        b = gaps - np.einsum("kij,kj->ki", maps.end_c, wanting)
         (start, end), d = self.ends, self.dynamics[0].difference
         L, R = start.start_rows(), end.end_rows()
-        left = -L @ d(motion.points[:1], start.rest.point[None])[0]
-        right = -R @ d(motion.points[-1:], end.rest.point[None])[0]
-        change = solve_bidiagonal(maps.exact, b, (L, left), (R, right), start.scale)
-        return change, -wanting - np.einsum("kij,kj->ki", back, change[:-1])
+        first, last = d(motion.points[:1], start.rest.point[None])[0], d(motion.points[-1:], end.rest.point[None])[0]
+        problem = TwoPointProblem.of(maps.exact, L, R, start.scale)
 
-    def moved(self, motion: Motion, states: Array, coefficients: Array) -> Motion:
-        """The motion changed by tangents (N + 1, n) and coefficients (N, s m)."""
-        points = self.dynamics[0].retract(motion.points, states)
-        return Motion(points, motion.coefficients + coefficients.reshape(motion.coefficients.shape))
+        def solved(away: Array) -> tuple[Array, Array]:
+            wanting = np.einsum("kij,kj->ki", gain, away.reshape(len(away), -1))
+            b = gaps - np.einsum("kij,kj->ki", maps.end_c, wanting)
+            states = problem.solve(b, -L @ first, -R @ last)
+            return states, -wanting - np.einsum("kij,kj->ki", back, states[:-1])
+
+        states, coefficients = solved(away)
+        if self.border is None:
+            return Change(states, coefficients, motion.bend)
+        left = np.concatenate([self.border.start @ (first + states[0]), self.border.end @ (last + states[-1])])
+        influence = problem.influence(self.border.start, self.border.end)
+        pull = np.einsum("rkn,knj,kji->rki", influence, maps.end_c, gain).reshape(len(influence), *away.shape)
+        bend = self.border.step(self.mesh, self.scheme, pull, motion.bend, left)
+        return Change(*solved(away - self._bent(self.border, bend)), bend)
+
+    def _bent(self, border: Border, bend: Array) -> Array:
+        """By how much a bend (J, p) changes the outputs at the matched points (N, p, s)."""
+        return border.bumps.bent(self.mesh, self.scheme, bend)
+
+    def moved(self, motion: Motion, change: Change) -> Motion:
+        """The motion after a step."""
+        points = self.dynamics[0].retract(motion.points, change.states)
+        coefficients = motion.coefficients + change.coefficients.reshape(motion.coefficients.shape)
+        return Motion(points, coefficients, motion.bend + change.bend)
 
     def _by_interval(self, work: Callable[[Dynamics, Indices], T]) -> list[tuple[Indices, T]]:
         """[(elements, work(dynamics, elements))] for each interval that has elements."""
@@ -160,8 +195,10 @@ def _flat(values: Array) -> Array:
     return values.reshape(-1, values.shape[-1])
 
 
-def at_rest(end: End, mesh: Mesh, scheme: Scheme) -> Motion:
+def at_rest(shooting: Shooting) -> Motion:
     """The motion that stays where it starts."""
-    coefficients = np.zeros((len(mesh), scheme.count, len(end.rest.inputs)))
-    coefficients[:, 0] = end.rest.inputs
-    return Motion(np.repeat(end.rest.point[None], len(mesh) + 1, axis=0), coefficients)
+    rest, border = shooting.ends[0].rest, shooting.border
+    coefficients = np.zeros((len(shooting.mesh), shooting.scheme.count, len(rest.inputs)))
+    coefficients[:, 0] = rest.inputs
+    bend = np.zeros((0, 0)) if border is None else np.zeros((border.bumps.count, len(border.bumps.scale)))
+    return Motion(np.repeat(rest.point[None], len(shooting.mesh) + 1, axis=0), coefficients, bend)

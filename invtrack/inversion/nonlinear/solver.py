@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from invtrack.errors import PlanError
+from invtrack.inversion.nonlinear.bend import Bending
 from invtrack.inversion.nonlinear.certificate import state_sizes
 from invtrack.inversion.nonlinear.choice import Choice, choose
 from invtrack.inversion.nonlinear.continuation import Progress, follow
@@ -20,7 +21,8 @@ from invtrack.inversion.nonlinear.refinement import DenseError, dense_error, par
 from invtrack.inversion.nonlinear.rest import rest_with
 from invtrack.inversion.nonlinear.shooting import Motion, Shooting, at_rest
 from invtrack.inversion.nonlinear.tails import known, tail_errors
-from invtrack.inversion.nonlinear.windows import LAYER, Windows
+from invtrack.inversion.nonlinear.windows import LAYER, NONE_RESTING, Windows
+from invtrack.references.signal import PiecewiseSignal
 
 COUNT = 4
 """Coefficients of each input on an element."""
@@ -66,12 +68,14 @@ class MotionSolver:
         accuracy: largest output error, as a share of the motion.
         limits: longest preactuation and postactuation [s], or None.
         progress: called with the share of the motion that has been found.
+        bending: by what outputs may be bent, and which zeros are to rest outside of that for it; None: they are followed exactly.
     """
 
     problem: MotionProblem
     accuracy: float
     limits: tuple[float | None, float | None]
     progress: Progress | None
+    bending: Bending | None = None
 
     def refined(self) -> Solution:
         """The motion with continuous inputs on each stretch, on a mesh that meets the accuracy. Raises PlanError.
@@ -83,7 +87,7 @@ class MotionSolver:
         windows, known_to = self._windows(solution.choice), ROUGHLY
         while True:
             size = state_sizes(solution.shooting, solution.motion, self.problem.model(solution.shooting.mesh.edges))
-            error = dense_error(solution.shooting, solution.motion, self.problem.reference, size)
+            error = dense_error(solution.shooting, solution.motion, self.outputs_of(solution.motion), size)
             finer = self._finer(solution, error, windows)
             if finer is not None:
                 found, log = self._carried(solution, *finer, known_to)
@@ -119,6 +123,11 @@ class MotionSolver:
             held = Mesh.even(stops, self.problem.switch_times, hold)
             solution = self._continued(solution, choice, held, self._tolerance)
 
+    def outputs_of(self, motion: Motion) -> PiecewiseSignal:
+        """The outputs that a motion is to have, absolute."""
+        wanted = self.problem.reference
+        return wanted if self.bending is None else wanted + self.bending.bumps.signal(motion.bend)
+
     @property
     def _tolerance(self) -> float:
         """What Newton's method may leave to find in the plan, as a share of peaks."""
@@ -129,12 +138,14 @@ class MotionSolver:
         begin, end = self.problem.manoeuvre
         length = min(self._longest, (end - begin) / ELEMENTS if end > begin else 1.0)
         choice = choose(self.problem, COUNT, length, fixed=False)
-        mesh = self._windows(choice).first(Mesh.even(self.problem.stops, self.problem.switch_times, choice.length))
+        stops = self.problem.stops if self.bending is None else np.union1d(self.problem.stops, self.bending.bumps.knots)
+        mesh = self._windows(choice).first(Mesh.even(stops, self.problem.switch_times, choice.length))
         _require_few(len(mesh), mesh.edges[-1] - mesh.edges[0], f"in elements of {choice.length:.3g} s and more")
         return self._followed(choice, mesh, ROUGHLY)
 
     def _windows(self, choice: Choice) -> Windows:
-        return Windows(self.problem, choice, self.accuracy, self.limits, self._longest)
+        resting = NONE_RESTING if self.bending is None else self.bending.zeros
+        return Windows(self.problem, choice, self.accuracy, self.limits, self._longest, resting)
 
     @property
     def _longest(self) -> float:
@@ -197,7 +208,8 @@ class MotionSolver:
         wanted = wanted_at(mesh, problem.reference, np.arange(1, scheme.steps + 1) / scheme.steps)
         wanted = first + amplitude * (wanted - first)
         matched = np.stack([wanted[:, scheme.points[i] - 1, i] for i in range(wanted.shape[2])], axis=1)
-        return Shooting(problem.dynamics, mesh, scheme, matched, problem.motion_size, ends)
+        border = None if self.bending is None else self.bending.border(ends)
+        return Shooting(problem.dynamics, mesh, scheme, matched, problem.motion_size, ends, border=border)
 
     def _followed(self, choice: Choice, mesh: Mesh, tolerance: float, tried: Solution | None = None) -> Solution:
         """The motion on a mesh, from rest. Raises PlanError.
@@ -217,7 +229,7 @@ class MotionSolver:
             found = self._conditions(choice.scheme, mesh, amplitude)
             return None if found is None else replace(found, number=number)
 
-        first = at_rest(whole.ends[0], mesh, choice.scheme)
+        first = at_rest(whole)
         found = follow(conditions, first, tolerance, self.progress)
         if found.motion is not None:
             require_hold_of_outputs(found.shooting, found.motion, self.problem.relative_degree, found.amplitude)

@@ -54,7 +54,7 @@ class Known:
 
     def on(self, mesh: Mesh, count: int) -> Motion:
         """The same on another mesh, with that many coefficients of each input on an element."""
-        return Motion(self._points(mesh.edges), self._coefficients(mesh, count))
+        return Motion(self._points(mesh.edges), self._coefficients(mesh, count), self.motion.bend)
 
     def _points(self, times: Array) -> Array:
         """States (k, .) at times (k,) [s]: integrated from the nodes before them."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from invtrack.arrays import Array
+from invtrack.arrays import Array, ComplexArray
 from invtrack.inversion.nonlinear.choice import Choice
 from invtrack.inversion.nonlinear.ends import NEUTRAL
 from invtrack.inversion.nonlinear.mesh import EVEN, Mesh
@@ -33,6 +33,10 @@ MARGIN = 0.1
 """Share of the accuracy that tails are to reach when the mesh is made longer for them."""
 
 
+NONE_RESTING: tuple[ComplexArray, ComplexArray] = (np.zeros(0, dtype=complex), np.zeros(0, dtype=complex))
+"""Where any zero may move before and after the manoeuvre."""
+
+
 @dataclass(frozen=True, eq=False)
 class Windows:
     """The elements before and after a manoeuvre.
@@ -43,6 +47,7 @@ class Windows:
         accuracy: of the plan, as a share of the motion.
         limits: longest preactuation and postactuation [s], or None.
         longest: of all elements, over which the integration follows the fastest mode [s].
+        resting: zeros of the start and of the end [rad/s] in which nothing moves outside the manoeuvre.
     """
 
     problem: MotionProblem
@@ -50,6 +55,7 @@ class Windows:
     accuracy: float
     limits: tuple[float | None, float | None]
     longest: float
+    resting: tuple[ComplexArray, ComplexArray] = NONE_RESTING
 
     def first(self, mesh: Mesh) -> Mesh:
         """The mesh of the manoeuvre with its first elements before and after."""
@@ -93,7 +99,10 @@ class Windows:
 
     def _rates(self, side: Side) -> tuple[Array, Array]:
         """Of the zeros that live on that side: how fast they die out on the way out [1/s], and their sizes [rad/s]."""
-        zeros = self.problem.zeros[0] if side == "before" else self.problem.zeros[-1]
+        end = -SIDES.index(side)
+        zeros = self.problem.zeros[end]
+        for resting in self.resting[end]:
+            zeros = np.delete(zeros, np.argmin(np.abs(zeros - resting)))
         rates = zeros.real if side == "before" else -zeros.real
         living = rates * self.choice.length > NEUTRAL
         return rates[living], np.abs(zeros[living])
@@ -114,4 +123,4 @@ class Windows:
         if not len(rates) or self.limits[SIDES.index(side)] is not None:
             return 0.0
         lasting = rates * -np.log(FIRST_SHARE) <= -np.log(self.accuracy) * np.min(rates)
-        return float(min(self.longest, RESOLVED / np.max(sizes[lasting])))
+        return float(min(self.longest, RESOLVED / max(np.max(sizes[lasting]), np.max(np.abs(self.resting), initial=0.0))))

@@ -10,7 +10,7 @@ import scipy.linalg
 import invtrack
 from invtrack.inversion.nonlinear import choice as choosing
 from invtrack.inversion.nonlinear import ends
-from invtrack.inversion.nonlinear.boundary_value import solve_bidiagonal
+from invtrack.inversion.nonlinear.boundary_value import TwoPointProblem
 from invtrack.inversion.nonlinear.elements import Scheme, map_at_rest
 from invtrack.inversion.nonlinear.ends import End
 from invtrack.inversion.nonlinear.mesh import Mesh
@@ -129,11 +129,16 @@ def test_block_bidiagonal_problem_against_a_dense_solve() -> None:
     M, b = M * scale[:, None] / scale, b * scale
     L, R = rng.normal(size=(first, n)) / scale, rng.normal(size=(n - first, n)) / scale
     left, right = rng.normal(size=first), rng.normal(size=n - first)
-    found = solve_bidiagonal(M, b, (L, left), (R, right), scale)
+    problem = TwoPointProblem.of(M, L, R, scale)
+    found = problem.solve(b, left, right)
     np.testing.assert_allclose(L @ found[0], left, atol=1e-8)
     np.testing.assert_allclose(R @ found[-1], right, atol=1e-8)
     misses = (found[1:] - np.einsum("kij,kj->ki", M, found[:-1]) - b) / scale
     assert np.max(np.abs(misses)) < 1e-9 * np.max(np.abs(found / scale))
+    rows, more = rng.normal(size=(3, n)) / scale, rng.normal(size=(N, n)) * scale
+    change = problem.solve(b + more, left, right) - found
+    seen = np.einsum("rkn,kn->r", problem.influence(rows[:2], rows[2:]), more)
+    np.testing.assert_allclose(seen, np.append(rows[:2] @ change[0], rows[2:] @ change[-1]), rtol=1e-9)
 
 
 def test_elements_are_split_where_they_were() -> None:
