@@ -6,6 +6,8 @@ from invtrack.inversion.feasibility_report import BoundaryConditions, Feasibilit
 from invtrack.inversion.modified.design_problem import Candidate
 from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_inversion import Modification, ModifiedTrajectory, modified_inversion
+from invtrack.inversion.modified.modified_motion import ModifiedMotion
+from invtrack.inversion.modified.modified_plan import ModifiedPlan
 from invtrack.inversion.modified.preactuation_trade_off import (
     TradeOff,
     TradeOffPoint,
@@ -25,6 +27,8 @@ __all__ = [
     "Iteration",
     "JumpReport",
     "Modification",
+    "ModifiedMotion",
+    "ModifiedPlan",
     "ModifiedTrajectory",
     "MotionChecks",
     "MotionPlan",

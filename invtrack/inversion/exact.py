@@ -7,8 +7,6 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from invtrack.arguments import items
-from invtrack.arrays import real_number, shown
 from invtrack.errors import PlanError, RelativeDegreeError
 from invtrack.inversion.allocated import AllocatedDynamics, require_same_unpriced, require_unpriced_rest
 from invtrack.inversion.axis_zeros import require_rest_held, require_rest_left, split_through_axis
@@ -16,6 +14,7 @@ from invtrack.inversion.bounded_solution import bounded_solution
 from invtrack.inversion.held import held_inverse
 from invtrack.inversion.input_measure import InputMeasure, input_measure
 from invtrack.inversion.inverse_system import inverse_systems
+from invtrack.inversion.motion_options import checked_motion_options, require_no_schedule
 from invtrack.inversion.nonlinear.stable_inversion import invert_motion
 from invtrack.inversion.redesign_call import REDESIGN_ERROR, call_for
 from invtrack.inversion.smoothness import require_smooth
@@ -76,11 +75,7 @@ def invert(
     no continuous state keeps the output exact), BoundednessError (no bounded solution).
     Sources: Devasia, Chen, Paden 1996; Devasia, Paden, Rossi 1996, Lemma 1.
     """
-    schedule = items("schedule", schedule, expected="a list of changes, such as [invtrack.Change(1.0, mass=2.0)]", error=PlanError)
-    if not 0 < real_number("accuracy", accuracy, error=PlanError) < 1:
-        raise PlanError(f"accuracy must lie between 0 and 1, a share of the motion, got {accuracy}")
-    if progress is not None and not callable(progress):
-        raise PlanError(f"progress must be a function of the share that is done, got {shown(progress)}")
+    schedule = checked_motion_options(schedule, accuracy, progress)
     moving = mechanism(model)
     if moving is not None:
         if R is not None:
@@ -96,10 +91,7 @@ def invert(
             max_postactuation=max_postactuation,
             progress=progress,
         )
-    if schedule:
-        raise PlanError(
-            "schedule is for a Plant, which is planned for as it moves; a linear model that switches is a SwitchedSystem"
-        )
+    require_no_schedule(schedule)
     problem = PlanningProblem.of(
         model, reference, tolerance=tolerance, max_preactuation=max_preactuation, max_postactuation=max_postactuation
     )

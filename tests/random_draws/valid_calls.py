@@ -64,7 +64,17 @@ NOT_DOORS = {
     *("Derivatives", "GainsAlong", "Iteration", "Linearizations", "MotionChecks", "MotionPlan", "PlantDynamics"),
     *("Certificate", "Plan", "PolynomialSegments", "PreactuationBound", "Ringing", "SampledPlan", "Samples", "Tail", "Trajectory"),
     *("TwoSidedSegments", "NormalForm", "Zero", "ZeroReport", "BoundaryConditions", "Candidate", "FeasibilityReport"),
-    *("IntervalReport", "JumpReport", "Modification", "ModifiedTrajectory", "TradeOff", "TradeOffPoint", "ActiveLimit"),
+    *(
+        "IntervalReport",
+        "JumpReport",
+        "Modification",
+        "ModifiedMotion",
+        "ModifiedPlan",
+        "ModifiedTrajectory",
+        "TradeOff",
+        "TradeOffPoint",
+        "ActiveLimit",
+    ),
     *("ActiveStretch", "Optimality", "OptimalTrajectory", "TrimPoint", "TrimmedQuantity", "ActingLimit", "Stretches"),
     *("ConstrainedTrajectory", "FrequencyResponse", "ImpulseResponse", "Outcome", "Prefilter", "PrefilteredTrajectory"),
     *(

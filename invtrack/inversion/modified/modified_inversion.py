@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, get_args
 
@@ -18,15 +18,17 @@ from invtrack.inversion.inverse_system import require_square
 from invtrack.inversion.modified.default_error_poles import default_error_poles
 from invtrack.inversion.modified.design import least_error_design, robust_design
 from invtrack.inversion.modified.design_problem import Candidate, DesignProblem
-from invtrack.inversion.modified.error_bound import error_bound, positive_sizes
+from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_dynamics import equilibrium, has_equilibrium, undivided_dynamics
+from invtrack.inversion.modified.modified_motion import modified_motion
+from invtrack.inversion.modified.modified_plan import ModifiedPlan, costly, output_sizes, wanted_motion
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named, require_movable
 from invtrack.inversion.modified.placement import MovablePart, movable_part
-from invtrack.inversion.redesign_call import redesign_call
+from invtrack.inversion.motion_options import checked_motion_options, require_no_schedule
 from invtrack.inversion.smoothness import require_smooth
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.plan import Plan
+from invtrack.plans.dynamics import ScheduledChange, mechanism
 from invtrack.plans.problem import PlanningProblem
 from invtrack.references.signal import PiecewiseSignal
 
@@ -34,13 +36,6 @@ Design = Literal["least error", "robust"]
 
 HELD_TOLERANCE = 1e-9
 """A held output counts as in equilibrium where what is left of the internal dynamics is below this share of its terms."""
-
-
-COSTLY = 10.0
-"""A plan whose error is this many times the wanted motion says so."""
-
-ERROR_SAMPLES = 4000
-"""Points over the manoeuvre, and as many before and after it, at which the largest predicted error is looked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,50 +74,24 @@ class Modification:
         return f"interval {self.interval}: zeros moved: {text}; alpha = {self.alpha:.4g} rad/s"
 
 
-INPUT_SAMPLES = 4001
-"""Instants at which the size of the input is looked for."""
-
-
 @dataclass(frozen=True, eq=False, repr=False)
-class ModifiedTrajectory(Plan):
-    """A plan of `modified_inversion`: a trajectory of the plant whose output is near the wanted one, not on it.
+class ModifiedTrajectory(ModifiedPlan):
+    """A plan of `modified_inversion` for a linear model: a trajectory whose output is near the wanted one, not on it.
 
     Args:
         modification: of each interval.
         design: name of the choice taken.
         candidates: the choices that were worked out and compared; none for the robust design.
-        output_scale: sizes of the outputs at which their errors count alike (p,).
     """
 
     modification: tuple[Modification, ...] = ()
     design: str = ""
     candidates: tuple[Candidate, ...] = ()
-    output_scale: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def alpha(self) -> float:
         """Rate [rad/s] at which the input decays backward in time before the manoeuvre; infinite without preactuation."""
         return self.modification[0].alpha
-
-    def tracking_error(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Array:
-        """Predicted error y - y_d (m, p) at times t (m,) [s], before the manoeuvre too; `inside` as in a call."""
-        values = self(t, inside=inside)
-        return np.asarray(values.y - values.y_d)
-
-    @cached_property
-    def max_error(self) -> Array:
-        """Largest predicted |y - y_d| of each output over all of time, (p,) in the outputs' units."""
-        return self._largest_error(self.start, self.end)
-
-    @property
-    def max_error_after(self) -> Array:
-        """Largest predicted |y - y_d| of each output after the manoeuvre's end T_f, (p,)."""
-        return self._largest_error(self.manoeuvre[1], self.end)
-
-    @property
-    def relative_error(self) -> float:
-        """Largest predicted error of any output, as a share of `output_scale`."""
-        return float(np.max(self.max_error / self.output_scale))
 
     @cached_property
     def error_bound(self) -> float | None:
@@ -131,19 +100,6 @@ class ModifiedTrajectory(Plan):
         See `invtrack.inversion.error_bound`, also for other starts.
         """
         return error_bound(self.model, self.reference, start=self.start, output_scale=self.output_scale)
-
-    def _largest_error(self, start: float, end: float) -> Array:
-        edges = np.unique(np.concatenate([[start, end], self.breakpoints]).clip(start, end))
-        if len(edges) < 2:
-            return np.zeros(len(self.output_scale))
-        count = max(16, ERROR_SAMPLES // len(edges))
-        a, b = edges[:-1, np.newaxis], edges[1:, np.newaxis]
-        even = np.linspace(0.0, 1.0, count)
-        # Dense next to the manoeuvre: the tails are long and nearly empty.
-        before, after = a < self.manoeuvre[0], b > self.manoeuvre[1]
-        share = np.where(before, 1 - even[::-1] ** 3, np.where(after, even**3, even))
-        t, inside = a + (b - a) * share, np.broadcast_to((a + b) / 2, (len(a), count))
-        return np.asarray(np.max(np.abs(self.tracking_error(t.ravel(), inside=inside.ravel())), axis=0))
 
 
 def modified_inversion(
@@ -160,37 +116,64 @@ def modified_inversion(
     tolerance: float = 1e-10,
     max_preactuation: float | None = None,
     max_postactuation: float | None = None,
-) -> ModifiedTrajectory:
+    schedule: Sequence[ScheduledChange] = (),
+    accuracy: float = 1e-8,
+    progress: Callable[[float], None] | None = None,
+) -> ModifiedPlan:
     """A bounded trajectory of the plant near `reference`, from an inverse some of whose poles (zeros of the plant) are moved.
 
     u = B_y^-1 [y_d^(r) - A_x x + v], v = F [e; eta - eta_eq] + L [zeta_d; y_d^(r)], e = zeta - zeta_d. F moves the zeros asked for
     and places the chains of integrators of e; the other zeros stay. eta_eq is the internal equilibrium of the held output and L
-    acts on derivatives of y_d alone, so the output comes to rest on its target.
+    acts on derivatives of y_d alone, so the output comes to rest on its target. What comes back is a ModifiedTrajectory.
+
+    A Plant is planned for as it moves (`invert`), with outputs y = y_d + sum_j a_j phi_j: of all such bends, in B-splines phi_j,
+    that leave what belongs to the moved zeros at rest before and after them that with the least integral of the squares of
+    bend / output_scale. No law of feedback is in it, so zeros are put to rest rather than placed: where one goes to says how long
+    outputs are bent, until what dies out with that real part has fallen to 1 %, before the manoeuvre for a positive one, after it
+    for a negative one. The other zeros keep their tails. What comes back is a ModifiedMotion.
 
     Args:
-        model, reference, tolerance, max_preactuation, max_postactuation: as for `invert`.
+        model, reference, tolerance, max_preactuation, max_postactuation, schedule, accuracy, progress: as for `invert`.
         error_poles: poles of e [rad/s], as many as the relative degrees add up to, output by output; by default a Butterworth
             pattern for each output, 1.25 times as fast as the fastest place to which a zero is moved (see `default_error_poles`).
+            A Plant has none.
         move: {zero: where it goes} [rad/s], zeros to four digits, conjugates implied.
         axis_distance, real_part: instead of `move`, all zeros with |Re| <= axis_distance get that real part [rad/s] (positive:
             still preactuation, but faster; negative: postactuation instead).
         interval: number or numbers of the intervals of a switched model in which zeros are moved; None: all. A zero named in `move`
-            is moved in those of them that have it.
+            is moved in those of them that have it. A Plant's zeros are named as they are at the start.
         design: "least error" works out several choices of the freedom in F (several outputs) and L (least squares) and keeps the
-            one with the least integral square of the error for this reference; "robust" places robustly, L = 0.
+            one with the least integral square of the error for this reference; "robust" places robustly, L = 0. A Plant's bend
+            is always the least one.
         output_scale: sizes at which errors of the outputs count alike (p,), or one for all; by default the peak of each output's
             motion, and the largest of these for outputs that hold still.
 
     Raises PlanError (options out of range; too ill-conditioned), InversionError (other options, zeros that cannot be moved,
     no equilibrium for the held output), NonHyperbolicError (zeros on the axis not moved), TrajectoryError, RelativeDegreeError,
-    BoundednessError. Source: Devasia 1996 (non-hyperbolic internal dynamics), eqs. 12-18.
+    BoundednessError, and for a Plant what `invert` raises. Source: Devasia 1996 (non-hyperbolic internal dynamics), eqs. 12-18.
     """
+    one_of("design", design, get_args(Design), error=InversionError)
+    wish = Wish(move, axis_distance, real_part)
+    schedule, moving = checked_motion_options(schedule, accuracy, progress), mechanism(model)
+    if moving is not None:
+        _require_linear_options_unused(error_poles, interval, design)
+        return modified_motion(
+            moving,
+            reference,
+            wish,
+            output_scale=output_scale,
+            schedule=schedule,
+            accuracy=accuracy,
+            tolerance=tolerance,
+            max_preactuation=max_preactuation,
+            max_postactuation=max_postactuation,
+            progress=progress,
+        )
+    require_no_schedule(schedule)
     planning = PlanningProblem.of(
         model, reference, tolerance=tolerance, max_preactuation=max_preactuation, max_postactuation=max_postactuation
     )
-    one_of("design", design, get_args(Design), error=InversionError)
     plant, deviation = planning.plant, planning.deviation
-    wish = Wish(move, axis_distance, real_part)
     require_square(plant, "modified_inversion")
     splits = undivided_dynamics(plant)
     require_smooth(plant, [split.internal for split in splits], deviation)
@@ -199,15 +182,12 @@ def modified_inversion(
     duration = planning.manoeuvre[1] - planning.manoeuvre[0]
     choices = _choices(plant, internals, wish, intervals_named(interval, len(plant)), error_poles, duration)
     _require_equilibrium(plant, internals, deviation)
-    scale = _output_scale(output_scale, planning)
+    motion = wanted_motion(reference, deviation, planning.manoeuvre)
+    scale = output_sizes(output_scale, motion)
     problem = DesignProblem(planning, internals, [c[0] for c in choices], [c[2] for c in choices], scale)
     solved = least_error_design(problem) if design == "least error" else robust_design(problem)
-    remarks = solved.solution.remarks + solved.remarks
-    if axis_distance is not None and not any(len(part.targets) for part in problem.parts):
-        remarks += (
-            f"no zeros were moved: within {axis_distance:g} rad/s of the imaginary axis there are none that are not at "
-            f"{real_part:g} already",
-        )
+    any_moved = np.array([bool(len(part.targets)) for part in problem.parts])
+    remarks = (*solved.solution.remarks, *solved.remarks, *wish.none_moved(any_moved))
     plan = planning.plan(
         "modified inversion",
         solved.solution.trajectory,
@@ -224,23 +204,21 @@ def modified_inversion(
         candidates=solved.candidates,
         output_scale=scale,
     )
-    costly = _costly(plan, _output_scale(None, planning))
-    return replace(plan, remarks=(*plan.remarks, *costly)) if costly else plan
+    remark = costly(plan, output_sizes(None, motion))
+    return replace(plan, remarks=(*plan.remarks, *remark)) if remark else plan
 
 
-def _costly(plan: ModifiedTrajectory, motion: Array) -> tuple[str, ...]:
-    """A remark where the error of some output is COSTLY times its wanted motion (p,), and what to do instead."""
-    times = plan.max_error / motion
-    if not np.max(times) > COSTLY:
-        return ()
-    worst, n = int(np.argmax(times)), plan.model.n_states
-    inputs = np.max(np.abs(plan.departures(np.linspace(plan.start, plan.end, INPUT_SAMPLES)).u), axis=0)
-    call = redesign_call(motion, inputs, held=plan.trajectory.after.held[n : n + plan.model.n_inputs], error=1.0)
-    return (
-        f"output {plan.model.outputs.names[worst]!r} strays from its reference by {times[worst]:.3g} times the wanted motion: too "
-        f"much for a plan to follow; {call} weighs the error against the input instead of placing poles; "
-        "or move the zeros less far, or to the other side, or take a slower reference",
-    )
+def _require_linear_options_unused(
+    error_poles: Sequence[complex] | None, interval: int | Sequence[int] | None, design: Design
+) -> None:
+    """Raises InversionError for options of the linear law in a call for a Plant."""
+    for name, given, reason in (
+        ("error_poles", error_poles, "its outputs are bent, not driven by a law whose errors have poles"),
+        ("interval", interval, "outputs are bent around its whole motion, through changes of its parameters"),
+        ("design", None if design == "least error" else design, "of all bends the least one is taken"),
+    ):
+        if given is not None:
+            raise InversionError(f"{name} is for linear models; a Plant is planned for as it moves, and {reason}: leave {name} out")
 
 
 def _choices(
@@ -298,18 +276,3 @@ def _require_equilibrium(plant: SwitchedSystem, internals: Sequence[InternalDyna
                 f"{list(plant.outputs.names)} hold {held.tolist()} (deviations from the operating point), so the inverse "
                 "cannot come to rest; let the reference start and end at the operating point, or track another output"
             )
-
-
-def _output_scale(output_scale: ArrayLike | None, planning: PlanningProblem) -> Array:
-    motion = _motion(planning)
-    if output_scale is None:
-        return np.where(motion > 0, motion, np.max(motion)) if np.any(motion > 0) else np.ones(len(motion))
-    return positive_sizes(output_scale, len(motion))
-
-
-def _motion(planning: PlanningProblem) -> Array:
-    """Largest distance of each wanted output from where it is held before (p,)."""
-    (start, end), reference = planning.manoeuvre, planning.reference
-    t = np.concatenate([np.linspace(start, end, 501), planning.deviation.breakpoints])
-    distance = np.max(np.abs(reference(t) - reference(start - 1.0)), axis=0)
-    return np.where(distance > 1e-12 * planning.deviation.size(0), distance, 0.0)

@@ -64,6 +64,15 @@ class Wish:
                     f"{format_zeros(zeros) or 'none'}"
                 )
 
+    def none_moved(self, moved: NDArray[np.bool_]) -> tuple[str, ...]:
+        """A remark where none of the zeros (., ) is moved that a distance from the axis was to choose."""
+        if self.axis_distance is None or np.any(moved):
+            return ()
+        return (
+            f"no zeros were moved: within {self.axis_distance:g} rad/s of the imaginary axis there are none that are not at "
+            f"{self.real_part:g} already",
+        )
+
     def targets(self, zeros: ComplexArray) -> tuple[NDArray[np.bool_], ComplexArray]:
         """Which of `zeros` are moved, and where to: (n_z,) mask and (n_z,) poles, those not moved, or hardly, as they are.
 

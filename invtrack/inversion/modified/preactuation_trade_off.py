@@ -12,7 +12,8 @@ import numpy as np
 from invtrack.arrays import Array, ComplexArray, complex_numbers, real_number, real_numbers, shown
 from invtrack.errors import InversionError
 from invtrack.inversion.modified.error_bound import error_bound
-from invtrack.inversion.modified.modified_inversion import ModifiedTrajectory, modified_inversion
+from invtrack.inversion.modified.modified_inversion import modified_inversion
+from invtrack.inversion.modified.modified_plan import ModifiedPlan
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named
 from invtrack.layout import aligned
 from invtrack.linear.internal_dynamics import format_zeros
@@ -81,7 +82,7 @@ def tune_modified_inversion(
     real_parts: tuple[float, float] | None = None,
     level: float = 0.01,
     **options: Any,
-) -> ModifiedTrajectory:
+) -> ModifiedPlan:
     """The modified inverse that makes the best of what can be afforded, by a bracketed search on the real part of the moved zeros.
 
     What can be afforded is either a preactuation or an error.
@@ -117,16 +118,16 @@ def tune_modified_inversion(
 
 
 def _first_within(
-    plan: Callable[[float], ModifiedTrajectory],
+    plan: Callable[[float], ModifiedPlan],
     scan: Array,
-    measure: Callable[[ModifiedTrajectory], float],
+    measure: Callable[[ModifiedPlan], float],
     wish: float,
     name: str,
     *,
     rising: bool = False,
-) -> ModifiedTrajectory:
+) -> ModifiedPlan:
     """Along `scan`, the first plan whose measure is within the wish; or if it is `rising`, the last before it is not."""
-    tried: list[tuple[float, float, ModifiedTrajectory]] = []
+    tried: list[tuple[float, float, ModifiedPlan]] = []
     for real_part in scan:
         found = plan(float(real_part))
         tried.append((float(real_part), measure(found), found))
@@ -155,7 +156,7 @@ def _first_within(
 
 def _planner(
     model: Any, reference: PiecewiseSignal, axis_distance: float | None, named: Sequence[complex] | None, **options: Any
-) -> tuple[Callable[[float], ModifiedTrajectory], ComplexArray]:
+) -> tuple[Callable[[float], ModifiedPlan], ComplexArray]:
     """The modified inverse as a function of the real part, and the zeros that it moves."""
     names = np.zeros(0, dtype=complex) if named is None else np.ravel(complex_numbers("zeros", named, error=InversionError))
     if (axis_distance is None) == (not names.size):
@@ -177,7 +178,7 @@ def _planner(
             f"no zeros within {axis_distance} rad/s of the imaginary axis; the zeros are {format_zeros(present) or 'none'}"
         )
 
-    def plan(real_part: float) -> ModifiedTrajectory:
+    def plan(real_part: float) -> ModifiedPlan:
         if axis_distance is not None:
             return modified_inversion(plant, reference, axis_distance=axis_distance, real_part=real_part, **options)
         return modified_inversion(plant, reference, move=_moves(names, real_part), **options)
@@ -193,7 +194,7 @@ def _range(moved: ComplexArray) -> tuple[float, float]:
     return float(np.max(np.maximum(moved.real, NEAREST * np.abs(moved)))), FARTHEST * float(np.max(np.abs(moved)))
 
 
-def _point(real_part: float, plan: ModifiedTrajectory, level: float) -> TradeOffPoint:
+def _point(real_part: float, plan: ModifiedPlan, level: float) -> TradeOffPoint:
     preactuation = plan_actuation_time(plan, "before", level)
     bound = error_bound(
         plan.model, plan.reference, start=plan.manoeuvre[0] - max(preactuation, 0.0), output_scale=plan.output_scale

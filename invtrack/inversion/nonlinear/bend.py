@@ -17,7 +17,6 @@ from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.references.profiles import piecewise_polynomial
 from invtrack.references.signal import PiecewiseSignal
 
-
 SETTLED = 1e-2
 """A bend that would still change by this share of itself is as small as it gets, to within the square of that."""
 
@@ -60,10 +59,10 @@ class Bumps:
 
     def at(self, times: Array) -> scipy.sparse.csr_array:
         """phi_j (k, J) at times (k,) [s], at most degree + 1 of them in a row."""
-        d, h = self.degree, self.spacing
-        every = self.knots[0] + h * np.arange(-d, len(self.knots) + d)
-        within = np.clip(times, self.knots[0], self.knots[-1])  # beyond it all are zero, as they are there
-        return scipy.interpolate.BSpline.design_matrix(within, every, d)[:, d : d + self.count]
+        d, K = self.degree, len(self.knots) - 1
+        shares = np.clip((times - self.knots[0]) / self.spacing, 0.0, K)  # beyond the knots all are zero, as they are there
+        found = scipy.interpolate.BSpline.design_matrix(shares, np.arange(-d, K + 1.0 + d), d)
+        return found[:, d : d + self.count]
 
     def matched(self, mesh: Mesh, scheme: Scheme) -> list[scipy.sparse.csr_array]:
         """phi_j (N s, J) at the matched points of each output."""
@@ -91,12 +90,11 @@ class Bumps:
 
     def signal(self, weights: Array) -> PiecewiseSignal:
         """The bend with weights (J, p) as a signal."""
-        d, h = self.degree, self.spacing
-        every = self.knots[0] + h * np.arange(-d, len(self.knots) + d)
-        spline = scipy.interpolate.BSpline(every, np.pad(weights, ((d, d), (0, 0))), d)
-        pieces = np.stack([spline(self.knots[:-1], nu=k) * h**k / math.factorial(k) for k in range(d + 1)], axis=2)  # (K, p, d + 1)
+        d, K = self.degree, len(self.knots) - 1
+        spline = scipy.interpolate.BSpline(np.arange(-d, K + 1.0 + d), np.pad(weights, ((d, d), (0, 0))), d)
+        pieces = np.stack([spline(np.arange(K), nu=k) / math.factorial(k) for k in range(d + 1)], axis=2)  # (K, p, d + 1)
         still = np.zeros(weights.shape[1])
-        return piecewise_polynomial(self.knots, list(pieces), time_scale=h, held=(still, still))
+        return piecewise_polynomial(self.knots, list(pieces), time_scale=self.spacing, held=(still, still))
 
 
 @dataclass(frozen=True, eq=False)

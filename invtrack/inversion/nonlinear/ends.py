@@ -104,9 +104,7 @@ class End:
         for zero in zeros:
             chosen.append(left.pop(int(np.argmin(np.abs(multipliers[left] - np.exp(zero * self.length))))))
         own = np.isin(np.arange(len(multipliers)), chosen) & ((np.abs(multipliers) > 1 + NEUTRAL) == expanding)
-        _, Q, count = scipy.linalg.schur(
-            self.M.T, sort=lambda re, im: bool(own[np.argmin(np.abs(multipliers - complex(re, im)))])
-        )
+        _, Q, count = scipy.linalg.schur(self.M.T, sort=lambda re, im: bool(own[np.argmin(np.abs(multipliers - complex(re, im)))]))
         return np.asarray(Q[:, :count].T / self.scale)
 
     def departure(self, side: Side) -> Departure:

@@ -20,11 +20,13 @@ from invtrack.inversion.nonlinear.tails import tails_of
 from invtrack.inversion.nonlinear.trajectory import trajectory_of
 from invtrack.inversion.whole_holds import held_remark, in_whole_holds
 from invtrack.linear.internal_dynamics import NOT_UNIQUE, format_zeros
+from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.actuation import ringing
 from invtrack.plans.certificate import Certificate
 from invtrack.plans.dynamics import Mechanism, ScheduledChange
 from invtrack.plans.plan import Plan
 from invtrack.plans.problem import actuation_times, left_out_of
+from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
 
 ON_AXIS = 1e-6
@@ -71,22 +73,28 @@ def invert_motion(
         max_preactuation, max_postactuation: limit these [s].
         progress: called with the share of the motion that has been found.
     """
-    for name, share in (("accuracy", accuracy), ("tolerance", tolerance)):
-        require_share(name, share, error=PlanError)
+    limits = checked_limits(accuracy, tolerance, max_preactuation, max_postactuation)
     if hold is not None:
         require_duration("hold", hold, error=PlanError)
-    limits = []
-    for name, limit in (("max_preactuation", max_preactuation), ("max_postactuation", max_postactuation)):
-        if limit is not None and not real_number(name, limit, unit="s", error=PlanError) >= 0:
-            raise PlanError(f"{name} must not be negative, got {limit}")
-        limits.append(limit)
     problem = MotionProblem.of(mechanism, reference, schedule)
-    solver = MotionSolver(problem, accuracy, (limits[0], limits[1]), progress)
+    solver = MotionSolver(problem, accuracy, limits, progress)
     solution = solver.refined() if hold is None else solver.held(hold)
-    plan = _plan(problem, solution, accuracy=accuracy, tolerance=tolerance, limits=(limits[0], limits[1]), hold=hold)
+    plan = _plan(problem, solution, accuracy=accuracy, tolerance=tolerance, limits=limits, hold=hold)
     plan = plan if hold is None else in_whole_holds(plan, hold)
     rings = ringing(plan)
     return plan if rings is None else replace(plan, ringing=rings, remarks=(*plan.remarks, rings.remark))
+
+
+def checked_limits(
+    accuracy: float, tolerance: float, max_preactuation: float | None, max_postactuation: float | None
+) -> tuple[float | None, float | None]:
+    """The longest preactuation and postactuation [s]. Raises PlanError where these or the shares are out of range."""
+    for name, share in (("accuracy", accuracy), ("tolerance", tolerance)):
+        require_share(name, share, error=PlanError)
+    for name, limit in (("max_preactuation", max_preactuation), ("max_postactuation", max_postactuation)):
+        if limit is not None and not real_number(name, limit, unit="s", error=PlanError) >= 0:
+            raise PlanError(f"{name} must not be negative, got {limit}")
+    return max_preactuation, max_postactuation
 
 
 def _plan(
@@ -105,17 +113,58 @@ def _plan(
         accuracy, tolerance, hold: see `invert_motion`.
         limits: longest preactuation and postactuation [s], or None.
     """
+    found = confirmed(problem, solution, problem.reference, accuracy, exact=hold is None)
+    preactuation, postactuation, limited = actuation_times(found.trajectory, problem.manoeuvre, tolerance, limits)
+    held = () if hold is None else (held_remark(hold, found.certificate),)
+    return MotionPlan(
+        method="stable inversion of the nonlinear plant",
+        model=found.model,
+        reference=problem.reference,
+        trajectory=found.trajectory,
+        manoeuvre=problem.manoeuvre,
+        preactuation=preactuation,
+        postactuation=postactuation,
+        tolerance=tolerance,
+        certificate=found.certificate,
+        remarks=(*limited, *held, *left_out_of(found.model)),
+        difference=problem.mechanism.state_difference if problem.mechanism.turns else None,
+        linearizations=linearizations_along(solution.shooting, solution.motion),
+        iterations=solution.log,
+        checks=found.checks,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Confirmed:
+    """What a plan says of a motion, and what the simulator says of that: models, trajectory, certificate, checks."""
+
+    model: SwitchedSystem
+    trajectory: Trajectory
+    certificate: Certificate
+    checks: MotionChecks
+
+
+def confirmed(problem: MotionProblem, solution: Solution, outputs: PiecewiseSignal, accuracy: float, *, exact: bool) -> Confirmed:
+    """The trajectory of a motion, confirmed by the simulator.
+
+    Args:
+        problem, solution: what was asked for, and the motion that was found.
+        outputs: that it was found for, absolute.
+        accuracy: of these, as a share of their motion.
+        exact: whether they are to be kept between the matched points, too.
+
+    Raises RelativeDegreeError, PlantError, NonHyperbolicError, PlanError for a motion that is none of the plant, or does not rest.
+    """
     shooting, motion, mesh = solution.shooting, solution.motion, solution.shooting.mesh
     decoupling = require_hold_of_outputs(shooting, motion, problem.relative_degree, 1.0)
     model = problem.model(mesh.edges)
-    tails = tails_of(problem, shooting, motion, model)
-    trajectory = trajectory_of(shooting, motion, model, tails)
+    trajectory = trajectory_of(shooting, motion, model, tails_of(problem, shooting, motion, model))
     for k, dynamics in enumerate(problem.dynamics):
         chosen = np.flatnonzero(mesh.interval == k)
         dynamics.require_free(motion.points[chosen], motion.coefficients[chosen, 0])
-    certificate = certify_motion(shooting, motion, trajectory, model, problem.reference)
+    certificate = certify_motion(shooting, motion, trajectory, model, outputs)
     _require_rest(problem, certificate, SLACK * accuracy)
-    _require(certificate, SLACK * accuracy, exact=hold is None)
+    _require(certificate, SLACK * accuracy, exact=exact)
     checks = MotionChecks(
         rest_residual=max(rest.residual for rest in problem.rests),
         gap=min(end.gap for end in shooting.ends),
@@ -123,24 +172,7 @@ def _plan(
         input_jump=input_jump(mesh, trajectory, model, problem.stops),
         elements=len(mesh),
     )
-    preactuation, postactuation, limited = actuation_times(trajectory, problem.manoeuvre, tolerance, limits)
-    held = () if hold is None else (held_remark(hold, certificate),)
-    return MotionPlan(
-        method="stable inversion of the nonlinear plant",
-        model=model,
-        reference=problem.reference,
-        trajectory=trajectory,
-        manoeuvre=problem.manoeuvre,
-        preactuation=preactuation,
-        postactuation=postactuation,
-        tolerance=tolerance,
-        certificate=certificate,
-        remarks=(*limited, *held, *left_out_of(model)),
-        difference=problem.mechanism.state_difference if problem.mechanism.turns else None,
-        linearizations=linearizations_along(shooting, motion),
-        iterations=solution.log,
-        checks=checks,
-    )
+    return Confirmed(model, trajectory, certificate, checks)
 
 
 def _require_rest(problem: MotionProblem, certificate: Certificate, limit: float) -> None:
