@@ -13,7 +13,7 @@ ATTITUDES = {"pitch theta": "helicopter.ry", "roll phi": "helicopter.rx"}  # [ra
 POSITION_AND_HEADING = tuple(f"helicopter.{coordinate}" for coordinate in ("x", "y", "z", "rz"))
 
 LINEAR = "_linear"  # ends the names of cases on the linear model, in the place of MuJoCo
-NONLINEAR = "exact_nonlinear"  # the case of the plan for the rigid body itself
+NONLINEAR = "_nonlinear"  # ends those of plans for the rigid body itself
 
 DISPLACEMENT = 1.0  # [m], to the right and down
 DURATION = 5.0  # [s]

@@ -6,7 +6,7 @@ import numpy as np
 from hover.aircraft import ATTITUDES, INPUTS, channel
 
 import invtrack
-from invtrack.inversion import ModifiedTrajectory
+from invtrack.inversion import ModifiedMotion, ModifiedTrajectory
 
 FADED = 1e-3
 """The fit of the decay reaches back to where the input has fallen to this share of what it is at the start of the manoeuvre."""
@@ -18,17 +18,25 @@ RESOLUTION = 0.01  # [s]
 
 
 def inverse_poles(plan: invtrack.Plan) -> np.ndarray:
-    """Poles [1/s] of the inverse behind a plan: the plant's zeros, or where they were moved to and those of the error."""
+    """Poles [1/s] of the inverse behind a plan: the plant's zeros, or where they were moved to and those of the error.
+
+    Of a plan whose outputs are bent the zeros that this does not put to rest.
+    """
+    if isinstance(plan, ModifiedMotion):
+        return plan.left
     if isinstance(plan, ModifiedTrajectory):
         modification = plan.modification[0]
         return np.concatenate([modification.zeros_after, modification.error_poles])
     return invtrack.linear.zeros(plan.model.systems[0])
 
 
-def decay_pair(plan: invtrack.Plan) -> complex:
-    """The antistable pole [1/s] of the inverse nearest to the axis, in the upper half-plane: it sets the preactuation."""
+def decay_pair(plan: invtrack.Plan) -> complex | None:
+    """The antistable pole [1/s] of the inverse nearest to the axis, in the upper half-plane: it sets the preactuation.
+
+    None where there is none: the input is then at rest until outputs begin to be bent.
+    """
     antistable = [complex(pole) for pole in inverse_poles(plan) if pole.real > 0 and pole.imag >= 0]
-    return min(antistable, key=lambda pole: pole.real)
+    return min(antistable, key=lambda pole: pole.real, default=None)
 
 
 def fitted_decay_rate(run: invtrack.RunResult, pair: complex) -> float:

@@ -53,8 +53,8 @@ def papers_figures(plans: Plans) -> dict[str, Callable[[Session], Figure]]:
 
 
 def errors_in_mujoco(done: Session) -> Figure:
-    """The size of each output's error in MuJoCo, of the exact plans for the linear model and for the rigid body."""
-    runs = {run.name: run for run in done.among(("exact", NONLINEAR))}
+    """The size of each output's error in MuJoCo, of the plans for the linear model and for the rigid body."""
+    runs = {run.name: run for run in done.among([name + planned for name in ("exact", "modified") for planned in ("", NONLINEAR)])}
     panels: Panels = []
     for column, name in enumerate(OUTPUTS):
         sizes = {case: np.maximum(np.abs(run.error[:, column]), SMALLEST) for case, run in runs.items()}

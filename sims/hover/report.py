@@ -44,7 +44,7 @@ def report(
         _similar(alike),
         lambda done: _errors(done, alike),
         _meanings(bounds),
-        *(partial(_way, name) for name in (*plans, NONLINEAR)),
+        *(partial(_way, name + planned) for name in plans for planned in ("", NONLINEAR)),
     ]
 
 
@@ -71,14 +71,19 @@ def _similar(alike: dict[str, dict[str, float]]) -> str:
 
 
 def _errors(done: Session, alike: dict[str, dict[str, float]]) -> str:
-    linear, physics, exact, moving = (done.numbers_of(name) for name in ("modified" + LINEAR, "modified", "exact", NONLINEAR))
+    linear, physics, bent, exact, moving = (
+        done.numbers_of(name) for name in ("modified" + LINEAR, "modified", "modified" + NONLINEAR, "exact", "exact" + NONLINEAR)
+    )
     return (
         f"largest error of modified: {linear['predicted_max_error']:.6f} predicted, {linear['max_error']:.6f} on the linear model,"
         f" {physics['max_error']:.4f} in MuJoCo\n"
         f"(on the linear model output and prediction differ by at most {linear['difference_from_prediction']:.0e}).\n"
         "The error of exact in MuJoCo comes of the tilt: U, V, W are measured along the body's own axes, which roll by\n"
         f"up to {alike['roll phi']['exact_peak']:.3f} rad, while those of the linear model stay level; planned for the body itself"
-        f" ({NONLINEAR}) it falls from {exact['max_error']:.1e} to {moving['max_error']:.1e}."
+        f" (exact{NONLINEAR}) it falls from {exact['max_error']:.1e} to {moving['max_error']:.1e}.\n"
+        f"modified{NONLINEAR} is planned for the body, too: from {-bent['bent_from']:.2f} s before the manoeuvre on it bends the"
+        f" outputs,\nby {bent['predicted_max_error']:.4f} at most, as little as leaves the moved pair at rest until then, and is"
+        f" followed to {bent['difference_from_prediction']:.0e}."
     )
 
 

@@ -52,6 +52,16 @@ def test_the_inverse_of_the_rigid_body_is_exact_in_mujoco(summary: dict[str, Any
     assert summary["cases"]["exact"]["max_error"] > 5e-3
 
 
+def test_bent_outputs_of_the_rigid_body_are_followed(summary: dict[str, Any]) -> None:
+    """At less preactuation than the linear modified inverse, with half its error at most; the peak speed is 0.375 m/s."""
+    linear, bent = summary["cases"]["modified"], summary["cases"]["modified_nonlinear"]
+    assert bent["preactuation_time"] < linear["preactuation_time"]
+    assert bent["max_error"] < 0.5 * linear["max_error"]
+    assert bent["difference_from_prediction"] < 1e-5 * 0.375
+    assert bent["start"] == pytest.approx(-np.log(100) / 2.0)
+    assert bent["fitted_decay_rate"] is None
+
+
 @pytest.mark.parametrize("case", ["exact", "exact_linear", "exact_nonlinear", "modified", "modified_linear"])
 def test_input_fades_backward_as_the_nearest_pole_says(summary: dict[str, Any], case: str) -> None:
     alpha = min(pole.real for pole in as_complex(summary["zeros_modified" if "modified" in case else "zeros"]) if pole.real > 0)

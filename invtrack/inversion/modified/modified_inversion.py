@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -18,7 +17,6 @@ from invtrack.inversion.inverse_system import require_square
 from invtrack.inversion.modified.default_error_poles import default_error_poles
 from invtrack.inversion.modified.design import least_error_design, robust_design
 from invtrack.inversion.modified.design_problem import Candidate, DesignProblem
-from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_dynamics import equilibrium, has_equilibrium, undivided_dynamics
 from invtrack.inversion.modified.modified_motion import modified_motion
 from invtrack.inversion.modified.modified_plan import ModifiedPlan, costly, output_sizes, wanted_motion
@@ -92,14 +90,6 @@ class ModifiedTrajectory(ModifiedPlan):
     def alpha(self) -> float:
         """Rate [rad/s] at which the input decays backward in time before the manoeuvre; infinite without preactuation."""
         return self.modification[0].alpha
-
-    @cached_property
-    def error_bound(self) -> float | None:
-        """What no plan that starts from rest at the same time can bring `relative_error` below; None where none is known.
-
-        See `invtrack.inversion.error_bound`, also for other starts.
-        """
-        return error_bound(self.model, self.reference, start=self.start, output_scale=self.output_scale)
 
 
 def modified_inversion(
@@ -186,8 +176,12 @@ def modified_inversion(
     scale = output_sizes(output_scale, motion)
     problem = DesignProblem(planning, internals, [c[0] for c in choices], [c[2] for c in choices], scale)
     solved = least_error_design(problem) if design == "least error" else robust_design(problem)
-    any_moved = np.array([bool(len(part.targets)) for part in problem.parts])
-    remarks = (*solved.solution.remarks, *solved.remarks, *wish.none_moved(any_moved))
+    remarks = solved.solution.remarks + solved.remarks
+    if axis_distance is not None and not any(len(part.targets) for part in problem.parts):
+        remarks += (
+            f"no zeros were moved: within {axis_distance:g} rad/s of the imaginary axis there are none that are not at "
+            f"{real_part:g} already",
+        )
     plan = planning.plan(
         "modified inversion",
         solved.solution.trajectory,

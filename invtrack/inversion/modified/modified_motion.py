@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 import scipy  # loads scipy.optimize at its first use
@@ -13,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from invtrack.arrays import Array, ComplexArray
 from invtrack.errors import InversionError, PlanError
-from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_plan import ModifiedPlan, costly, output_sizes, wanted_motion
 from invtrack.inversion.modified.moved_zeros import NAME_TOLERANCE, Wish, require_movable
 from invtrack.inversion.nonlinear.bend import Bending, Bumps
@@ -36,8 +34,8 @@ TIME_CONSTANTS = -math.log(LEVEL)
 RESOLVED = 0.5
 """Knots of the bend are so close that this, or less, is their distance times the magnitude of the zeros that it puts to rest."""
 
-SPANS = 24
-"""Stretches between knots, at least: a bend begins and ends over a few of them."""
+LEAST_SPANS = 3
+"""Stretches between knots, at least, in units of those that a single bump takes."""
 
 SMOOTHER = 2
 """A bend has so many continuous derivatives beyond the relative degree, less one: inputs then have a continuous slope."""
@@ -64,14 +62,6 @@ class ModifiedMotion(ModifiedPlan, MotionPlan):
     def alpha(self) -> float:
         """Rate [rad/s] at which the input decays backward in time before the window; infinite where it is at rest there."""
         return min((float(zero.real) for zero in self.left if zero.real > 0), default=math.inf)
-
-    @cached_property
-    def error_bound(self) -> float | None:
-        """What no plan for the linear model of the start that starts from rest at the same time can bring `relative_error` below.
-
-        This plan keeps to it as its motion gets small. None where none is known; see `invtrack.inversion.error_bound`.
-        """
-        return error_bound(self.model.systems[0], self.reference, start=self.start, output_scale=self.output_scale)
 
 
 def modified_motion(
@@ -108,7 +98,7 @@ def modified_motion(
     problem = MotionProblem.of(mechanism, reference, schedule)
     start, end = (internal_dynamics(problem.linear_models[k]) for k in (0, -1))
     wish.require_known(start.zeros)
-    moved, places = wish.targets(start.zeros)
+    moved, places = wish.named(start.zeros)
     require_movable(problem.linear_models[0], start, moved, interval=0, endless=False)
     _require_own_frequencies(start.zeros[moved], places[moved])
     begin, until = problem.manoeuvre
@@ -125,7 +115,7 @@ def modified_motion(
     zeros = start.zeros[moved], start.zeros[~moved]
     plan = _plan(problem, solver, solver.refined(), window, tolerance=tolerance, limits=limits, sizes=sizes, zeros=zeros)
     rings = ringing(plan)
-    remarks = (*wish.none_moved(moved), *plan.remarks, *costly(plan, output_sizes(None, motion)))
+    remarks = (*_none_moved(wish, moved), *plan.remarks, *costly(plan, output_sizes(None, motion)))
     return replace(plan, ringing=rings, remarks=remarks if rings is None else (*remarks, rings.remark))
 
 
@@ -195,6 +185,13 @@ def _require_own_frequencies(zeros: ComplexArray, places: ComplexArray) -> None:
         )
 
 
+def _none_moved(wish: Wish, moved: NDArray[np.bool_]) -> tuple[str, ...]:
+    """A remark where no zero is so near to the axis that it is moved."""
+    if np.any(moved):
+        return ()
+    return (f"no zeros were moved: within {wish.axis_distance:g} rad/s of the imaginary axis there are none",)
+
+
 def _reach(real_parts: Array, sign: float) -> float:
     """How long outputs are bent before (sign 1) or after (-1) the manoeuvre [s], for zeros that go to these real parts [rad/s]."""
     return TIME_CONSTANTS * float(np.max(1 / np.abs(real_parts[real_parts * sign > 0]), initial=0.0))
@@ -202,7 +199,8 @@ def _reach(real_parts: Array, sign: float) -> float:
 
 def _knots(window: tuple[float, float], zeros: ComplexArray, degree: int) -> Array:
     """Even knots over a window [s] for a bend of that degree that puts zeros [rad/s] to rest."""
-    spans = max(SPANS, 4 * (degree + 1), math.ceil((window[1] - window[0]) * float(np.max(np.abs(zeros))) / RESOLVED))
+    needed = math.ceil((window[1] - window[0]) * float(np.max(np.abs(zeros))) / RESOLVED)
+    spans = max(LEAST_SPANS * (degree + 1), needed)
     return np.linspace(*window, spans + 1)
 
 

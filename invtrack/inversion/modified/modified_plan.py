@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array
-from invtrack.inversion.modified.error_bound import positive_sizes
+from invtrack.inversion.modified.error_bound import error_bound, positive_sizes
 from invtrack.inversion.redesign_call import redesign_call
 from invtrack.plans.plan import Plan
 from invtrack.references.signal import PiecewiseSignal
@@ -62,10 +62,19 @@ class ModifiedPlan(Plan, ABC):
         """Largest predicted error of any output, as a share of `output_scale`."""
         return float(np.max(self.max_error / self.output_scale))
 
-    @property
-    @abstractmethod
+    @cached_property
     def error_bound(self) -> float | None:
-        """What no plan that starts from rest at the same time can bring `relative_error` below; None where none is known."""
+        """What no plan that starts from rest at the same time can bring `relative_error` below; None where none is known.
+
+        See `invtrack.inversion.error_bound`. For a plan on a nonlinear motion it is that of the linear model of its start, to which
+        it keeps as the motion gets small.
+        """
+        return self.error_bound_from(self.start)
+
+    def error_bound_from(self, start: float) -> float | None:
+        """The same for plans that start from rest at another time, no later than the manoeuvre [s]."""
+        model = self.model if self.linearizations is None else self.model.systems[0]
+        return error_bound(model, self.reference, start=start, output_scale=self.output_scale)
 
     def _largest_error(self, start: float, end: float) -> Array:
         edges = np.unique(np.concatenate([[start, end], self.breakpoints]).clip(start, end))

@@ -64,17 +64,8 @@ class Wish:
                     f"{format_zeros(zeros) or 'none'}"
                 )
 
-    def none_moved(self, moved: NDArray[np.bool_]) -> tuple[str, ...]:
-        """A remark where none of the zeros (., ) is moved that a distance from the axis was to choose."""
-        if self.axis_distance is None or np.any(moved):
-            return ()
-        return (
-            f"no zeros were moved: within {self.axis_distance:g} rad/s of the imaginary axis there are none that are not at "
-            f"{self.real_part:g} already",
-        )
-
-    def targets(self, zeros: ComplexArray) -> tuple[NDArray[np.bool_], ComplexArray]:
-        """Which of `zeros` are moved, and where to: (n_z,) mask and (n_z,) poles, those not moved, or hardly, as they are.
+    def named(self, zeros: ComplexArray) -> tuple[NDArray[np.bool_], ComplexArray]:
+        """Which of `zeros` are meant, and where to they are to go: (n_z,) mask and (n_z,) poles, the other ones as they are.
 
         Raises InversionError for a real zero that is to become a complex one or the reverse, for one that is sent to two places,
         and for a place on the imaginary axis.
@@ -93,6 +84,12 @@ class Wish:
                     )
                 moved[chosen], targets[chosen] = True, goal
         _require_places(targets[moved])
+        return moved, targets
+
+    def targets(self, zeros: ComplexArray) -> tuple[NDArray[np.bool_], ComplexArray]:
+        """Those of the zeros `named` that are to go elsewhere, and where to; all others, and those hardly moved, as they are."""
+        (moved, targets), near = self.named(zeros), _near(zeros)
+        imag = _imaginary_parts(zeros, near)
         moved &= np.abs(targets - zeros) > UNMOVED_TOLERANCE * np.abs(zeros)
         targets[~moved] = zeros[~moved]
         for i in np.flatnonzero(~moved):  # one that differs by rounding alone has no subspace of its own: it moves along

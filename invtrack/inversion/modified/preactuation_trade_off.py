@@ -11,15 +11,18 @@ import numpy as np
 
 from invtrack.arrays import Array, ComplexArray, complex_numbers, real_number, real_numbers, shown
 from invtrack.errors import InversionError
-from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_inversion import modified_inversion
+from invtrack.inversion.modified.modified_motion import ModifiedMotion
 from invtrack.inversion.modified.modified_plan import ModifiedPlan
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named
+from invtrack.inversion.modified.tuned_motion import motion_within_error, motion_within_preactuation
 from invtrack.layout import aligned
 from invtrack.linear.internal_dynamics import format_zeros
+from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import as_switched
 from invtrack.linear.zeros import zeros
 from invtrack.plans.actuation import plan_actuation_time
+from invtrack.plans.dynamics import Mechanism, mechanism
 from invtrack.references.signal import PiecewiseSignal
 
 SCAN = 9
@@ -39,6 +42,9 @@ NEAREST = 1e-3
 
 FARTHEST = 10.0
 """Farthest that zeros are moved, in units of the magnitude of the largest of them."""
+
+LONGER = 5.0
+"""A Plant's outputs are bent for as long as its own zeros take to die out to 1 %, times this, at most: what is left is 1e-10."""
 
 
 def preactuation_trade_off(
@@ -85,7 +91,8 @@ def tune_modified_inversion(
 ) -> ModifiedPlan:
     """The modified inverse that makes the best of what can be afforded, by a bracketed search on the real part of the moved zeros.
 
-    What can be afforded is either a preactuation or an error.
+    What can be afforded is either a preactuation or an error. A Plant's outputs are bent from as long before the manoeuvre as the
+    preactuation says, or for the shortest time that the error allows, in as few plans as need be.
 
     Args:
         model, reference, error_poles, options: as for `modified_inversion`.
@@ -96,7 +103,7 @@ def tune_modified_inversion(
             preactuation.
         axis_distance, zeros, level: as for `preactuation_trade_off`.
         real_parts: least and largest real part tried [rad/s]; by default from where the zeros are (or 1e-3 of their magnitude) to
-            ten times their magnitude.
+            ten times their magnitude, for a Plant from a fifth of that.
 
     Raises InversionError for not exactly one wish, and for one that cannot be met, with the best that can be reached.
     """
@@ -106,11 +113,16 @@ def tune_modified_inversion(
             f"expected a positive preactuation [s] or error, got preactuation={shown(preactuation)}, error={shown(error)}"
         )
     plan, moved = _planner(model, reference, axis_distance, zeros, error_poles=error_poles, **options)
-    given = _range(moved) if real_parts is None else real_parts
+    bent = mechanism(model) is not None
+    given = _range(moved, LONGER if bent else 1.0) if real_parts is None else real_parts
     limits = real_numbers("real_parts [rad/s]", given, error=InversionError)
     if limits.shape != (2,) or not 0 < limits[0] < limits[1] < np.inf:
         raise InversionError(f"real_parts must be two positive numbers that increase, got {real_parts}")
-    low, high = limits
+    low, high = (float(limit) for limit in limits)
+    if bent:
+        if preactuation is not None:
+            return motion_within_preactuation(plan, (low, high), preactuation, level)
+        return motion_within_error(plan, (low, high), float(error or 0.0))
     scan = np.geomspace(low, high, SCAN)
     if preactuation is not None:
         return _first_within(plan, scan, partial(plan_actuation_time, side="before", level=level), preactuation, "preactuation [s]")
@@ -167,8 +179,10 @@ def _planner(
             f"{' and '.join(searched)} cannot be given: where the zeros go is what is varied; say which they are by "
             "axis_distance or zeros"
         )
-    plant = as_switched(model)
-    present = np.unique(np.concatenate([zeros(plant.systems[k]) for k in intervals_named(options.get("interval"), len(plant))]))
+    moving = mechanism(model)
+    plant = as_switched(model) if moving is None else as_switched(_linear_model(moving))
+    named_intervals = intervals_named(options.get("interval"), len(plant))
+    present = np.unique(np.concatenate([zeros(plant.systems[k]) for k in named_intervals]))
     elsewhere = 1.0 + 2 * float(np.max(np.abs(present), initial=0.0))
     wish = Wish(_moves(names, elsewhere), None, None) if names.size else Wish(None, axis_distance, elsewhere)
     wish.require_known(present)
@@ -178,27 +192,33 @@ def _planner(
             f"no zeros within {axis_distance} rad/s of the imaginary axis; the zeros are {format_zeros(present) or 'none'}"
         )
 
+    inverted = plant if moving is None else model
+
     def plan(real_part: float) -> ModifiedPlan:
         if axis_distance is not None:
-            return modified_inversion(plant, reference, axis_distance=axis_distance, real_part=real_part, **options)
-        return modified_inversion(plant, reference, move=_moves(names, real_part), **options)
+            return modified_inversion(inverted, reference, axis_distance=axis_distance, real_part=real_part, **options)
+        return modified_inversion(inverted, reference, move=_moves(names, real_part), **options)
 
     return plan, moved
+
+
+def _linear_model(moving: Mechanism) -> StateSpace:
+    """The linear model about the operating point, with the parameters that hold before any change."""
+    return moving.dynamics(moving.parameter_values).linear_model(*moving.operating_point)
 
 
 def _moves(names: ComplexArray, real_part: float) -> dict[complex, complex]:
     return {complex(z): complex(real_part, z.imag) for z in names}
 
 
-def _range(moved: ComplexArray) -> tuple[float, float]:
-    return float(np.max(np.maximum(moved.real, NEAREST * np.abs(moved)))), FARTHEST * float(np.max(np.abs(moved)))
+def _range(moved: ComplexArray, longer: float) -> tuple[float, float]:
+    return float(np.max(np.maximum(moved.real, NEAREST * np.abs(moved)))) / longer, FARTHEST * float(np.max(np.abs(moved)))
 
 
 def _point(real_part: float, plan: ModifiedPlan, level: float) -> TradeOffPoint:
     preactuation = plan_actuation_time(plan, "before", level)
-    bound = error_bound(
-        plan.model, plan.reference, start=plan.manoeuvre[0] - max(preactuation, 0.0), output_scale=plan.output_scale
-    )
+    at_rest = plan.manoeuvre[0] - max(preactuation, 0.0)
+    bound = plan.error_bound_from(min(at_rest, plan.window[0]) if isinstance(plan, ModifiedMotion) else at_rest)
     return TradeOffPoint(
         real_part=real_part,
         alpha=plan.alpha,
@@ -220,7 +240,7 @@ class TradeOffPoint:
         preactuation: how long before the manoeuvre the input gets above the level of the trade-off [s].
         max_error: largest predicted |y - y_d| over all of time, of any output as a share of its scale.
         error_bound: what no plan can bring that below which starts from rest `preactuation` before the manoeuvre, however large its
-            input (see `error_bound`); NaN where none is known.
+            input (see `error_bound`), or where a Plant's outputs begin to be bent; NaN where none is known.
         error_after: the same after the manoeuvre's end T_f.
         peak_input: largest |u_i|, in the inputs' units.
     """
