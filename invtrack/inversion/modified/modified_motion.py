@@ -19,7 +19,7 @@ from invtrack.inversion.nonlinear.continuation import Progress
 from invtrack.inversion.nonlinear.linearizations import linearizations_along
 from invtrack.inversion.nonlinear.problem import MotionProblem
 from invtrack.inversion.nonlinear.solver import MotionSolver, Solution
-from invtrack.inversion.nonlinear.stable_inversion import MotionPlan, checked_limits, confirmed
+from invtrack.inversion.nonlinear.stable_inversion import ON_AXIS, MotionPlan, checked_limits, confirmed
 from invtrack.linear.internal_dynamics import format_zeros, internal_dynamics
 from invtrack.plans.actuation import ringing
 from invtrack.plans.dynamics import Mechanism, ScheduledChange
@@ -48,12 +48,14 @@ class ModifiedMotion(ModifiedPlan, MotionPlan):
     Args:
         bend: y - y_d, of all bends in the window that keep the moved zeros at rest outside of it that with the least integral of
             (bend / output_scale)^2.
+        optimality_gap: share of that integral by which it could be less, to first order.
         window: from when to when outputs are bent [s].
         moved: the zeros of the start that are at rest before the window, and after it (k,) [rad/s].
         left: those that are not (n_z - k,) [rad/s].
     """
 
     bend: PiecewiseSignal = field(default_factory=lambda: constant(0.0))
+    optimality_gap: float = 0.0
     window: tuple[float, float] = (0.0, 0.0)
     moved: ComplexArray = field(default_factory=lambda: np.zeros(0, dtype=complex))
     left: ComplexArray = field(default_factory=lambda: np.zeros(0, dtype=complex))
@@ -61,7 +63,7 @@ class ModifiedMotion(ModifiedPlan, MotionPlan):
     @property
     def alpha(self) -> float:
         """Rate [rad/s] at which the input decays backward in time before the window; infinite where it is at rest there."""
-        return min((float(zero.real) for zero in self.left if zero.real > 0), default=math.inf)
+        return min((float(zero.real) for zero in self.left if zero.real > ON_AXIS * abs(zero)), default=math.inf)
 
 
 def modified_motion(
@@ -111,7 +113,7 @@ def modified_motion(
         degree = max(start.form.orders) + SMOOTHER
         bumps = Bumps(_knots(window, start.zeros[moved], degree), degree, sizes)
         bending = Bending(bumps, (start.zeros[moved], _followed(start.zeros, end.zeros, moved)))
-    solver = MotionSolver(replace(problem, reference=reference.refined(window)), accuracy, inside, progress, bending)
+    solver = MotionSolver(problem.with_stops(window), accuracy, inside, progress, bending)
     zeros = start.zeros[moved], start.zeros[~moved]
     plan = _plan(problem, solver, solver.refined(), window, tolerance=tolerance, limits=limits, sizes=sizes, zeros=zeros)
     rings = ringing(plan)
@@ -141,15 +143,17 @@ def _plan(
         sizes: of the outputs at which their errors count alike (p,).
         zeros: of the start, those that are moved and those that are not.
     """
-    bend = constant(np.zeros(len(sizes)), at=window[0])
+    bend, gap = constant(np.zeros(len(sizes)), at=window[0]), 0.0
     if solver.bending is not None:
-        bend = solver.bending.bumps.signal(solution.motion.bend)
+        shooting, motion = solution.shooting, solution.motion
+        bend, nodes = solver.bending.bumps.signal(motion.bend), shooting.nodes(motion)
+        gap = shooting.step(motion, nodes, *shooting.misses(motion, nodes)).gap
     found = confirmed(solver.problem, solution, solver.outputs_of(solution.motion), solver.accuracy, exact=True)
     (begin, until), (_, left) = problem.manoeuvre, zeros
     preactuation, postactuation, limited = actuation_times(found.trajectory, problem.manoeuvre, tolerance, limits)
-    if not np.any(left.real > 0):  # before the window nothing moves but rounding, and after it
+    if not np.any(left.real > ON_AXIS * np.abs(left)):  # before the window nothing moves but rounding, and after it
         preactuation = begin - window[0]
-    if not np.any(left.real < 0):
+    if not np.any(left.real < -ON_AXIS * np.abs(left)):
         postactuation = window[1] - until
     return ModifiedMotion(
         method="modified inversion of the nonlinear plant",
@@ -168,6 +172,7 @@ def _plan(
         checks=found.checks,
         output_scale=sizes,
         bend=bend,
+        optimality_gap=gap,
         window=window,
         moved=zeros[0],
         left=left,
@@ -187,7 +192,7 @@ def _require_own_frequencies(zeros: ComplexArray, places: ComplexArray) -> None:
 
 def _none_moved(wish: Wish, moved: NDArray[np.bool_]) -> tuple[str, ...]:
     """A remark where no zero is so near to the axis that it is moved."""
-    if np.any(moved):
+    if np.any(moved) or wish.axis_distance is None:
         return ()
     return (f"no zeros were moved: within {wish.axis_distance:g} rad/s of the imaginary axis there are none",)
 

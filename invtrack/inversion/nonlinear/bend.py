@@ -108,8 +108,10 @@ class Border:
     start: Array
     end: Array
 
-    def step(self, mesh: Mesh, scheme: Scheme, pull: Array, weights: Array, left: Array) -> Array:
+    def step(self, mesh: Mesh, scheme: Scheme, pull: Array, weights: Array, left: Array) -> tuple[Array, float]:
         """The change of the weights (J, p) to those of the least bend that, to first order, brings the rows to zero.
+
+        And the share of the squares' integral by which that bend is less than the one that only brings the rows to zero.
 
         That is Newton's method for the rows, but for the least bend an iteration without the rows' second derivatives, which gains
         a constant factor at a time. Where a bend is SETTLED the change is therefore the least one that brings the rows to zero.
@@ -127,14 +129,15 @@ class Border:
         )
         most = self.bumps.least(slopes)
         W = np.einsum("jik,jil->kl", slopes, most)
-        size = np.sqrt(np.diag(W))
-        if not np.all(size > 0):
+        units = np.sqrt(np.diag(W))
+        if not np.all(units > 0):
             raise np.linalg.LinAlgError("no bend of the outputs acts on what is to rest")
         kept = np.einsum("jik,ji->k", slopes, weights)  # of the rows, by the bend as it is
-        found = np.linalg.solve(W / np.outer(size, size), np.column_stack([-left, kept]) / size[:, None]) / size[:, None]
+        found = np.linalg.solve(W / np.outer(units, units), np.column_stack([-left, kept]) / units[:, None]) / units[:, None]
         to_rest, along = most @ found[:, 0], most @ found[:, 1] - weights
-        settled = self.bumps.size(along) <= SETTLED * self.bumps.size(weights + to_rest)
-        return np.asarray(to_rest if settled else to_rest + along)
+        size, extra = self.bumps.size(weights + to_rest), self.bumps.size(along)
+        gap = (extra / size) ** 2 if size > 0 else 0.0  # least and extra bend are orthogonal
+        return np.asarray(to_rest if extra <= SETTLED * size else to_rest + along), gap
 
 
 @dataclass(frozen=True, eq=False)

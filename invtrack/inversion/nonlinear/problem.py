@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from invtrack.arguments import items
 from invtrack.arrays import Array, ComplexArray, finite_number, shown
@@ -137,6 +138,14 @@ class MotionProblem:
             middle = sum(self.manoeuvre) / 2
             times = edges[[int(np.argmin(np.abs(edges - middle)))]]
         return SwitchedSystem(models, times)
+
+    def with_stops(self, times: ArrayLike) -> MotionProblem:
+        """The same with further stops [s]; what is known of its equilibria, in which these have no part, is kept."""
+        other = replace(self, reference=self.reference.refined(times))
+        for name in ("linear_models", "zeros"):
+            if name in self.__dict__:
+                other.__dict__[name] = self.__dict__[name]
+        return other
 
     def _require_smooth(self) -> None:
         model = self.linear_models[0]

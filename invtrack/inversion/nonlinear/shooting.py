@@ -36,11 +36,15 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A step of Newton's method: of states, as tangents (N + 1, n), of coefficients (N, s m), and of the bend (J, p)."""
+    """A step of Newton's method: of states, as tangents (N + 1, n), of coefficients (N, s m), and of the bend (J, p).
+
+    gap: share of the bend's integral of squares by which a bend that does as much could be less, to first order.
+    """
 
     states: Array
     coefficients: Array
     bend: Array
+    gap: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,8 +167,8 @@ class Shooting:
         left = np.concatenate([self.border.start @ (first + states[0]), self.border.end @ (last + states[-1])])
         influence = problem.influence(self.border.start, self.border.end)
         pull = np.einsum("rkn,knj,kji->rki", influence, maps.end_c, gain).reshape(len(influence), *away.shape)
-        bend = self.border.step(self.mesh, self.scheme, pull, motion.bend, left)
-        return Change(*solved(away - self._bent(self.border, bend)), bend)
+        bend, gap = self.border.step(self.mesh, self.scheme, pull, motion.bend, left)
+        return Change(*solved(away - self._bent(self.border, bend)), bend, gap)
 
     def _bent(self, border: Border, bend: Array) -> Array:
         """By how much a bend (J, p) changes the outputs at the matched points (N, p, s)."""
