@@ -8,7 +8,7 @@ import numpy as np
 
 from invtrack.arrays import Array, Indices
 from invtrack.inversion.nonlinear.mesh import Mesh
-from invtrack.inversion.nonlinear.shooting import Motion, Shooting
+from invtrack.inversion.nonlinear.shooting import ElementChain, Motion
 from invtrack.linear.state_sizes import comparable_size, unit_ratios
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
@@ -42,7 +42,7 @@ class MotionChecks:
 
 
 def certify_motion(
-    shooting: Shooting, motion: Motion, trajectory: Trajectory, model: SwitchedSystem, reference: PiecewiseSignal
+    shooting: ElementChain, motion: Motion, trajectory: Trajectory, model: SwitchedSystem, reference: PiecewiseSignal
 ) -> Certificate:
     """Residuals of a plan, from its values and a replay of its inputs by the plant's own simulator.
 
@@ -84,7 +84,7 @@ def certify_motion(
     return Certificate(defect, missed, _continuity(trajectory, model, size), _unrest(trajectory, model, size))
 
 
-def state_sizes(shooting: Shooting, motion: Motion, model: SwitchedSystem) -> Array:
+def state_sizes(shooting: ElementChain, motion: Motion, model: SwitchedSystem) -> Array:
     """Peaks of the plan's states (n,), those that hardly move by what comparable ones make of them."""
     states = shooting.dynamics[0].states(motion.points) - model.rest_states[0]
     peaks = comparable_size(np.max(np.abs(states), axis=0), unit_ratios(model))

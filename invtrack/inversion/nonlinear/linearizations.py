@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from invtrack.inversion.nonlinear.elements import legendre
-from invtrack.inversion.nonlinear.shooting import Motion, Shooting
+from invtrack.inversion.nonlinear.shooting import ElementChain, Motion
 from invtrack.plans.linearizations import Linearizations
 
 
-def linearizations_along(shooting: Shooting, motion: Motion) -> Linearizations:
+def linearizations_along(shooting: ElementChain, motion: Motion) -> Linearizations:
     """A and B in the middles of even parts of each element, as many as its input has coefficients, between those at its knots."""
     mesh, scheme = shooting.mesh, shooting.scheme
     count, knots, states = scheme.count, scheme.knots, shooting.dynamics[0].state_coordinates

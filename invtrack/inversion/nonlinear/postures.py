@@ -39,8 +39,16 @@ def steady_motion(mechanism: Mechanism, reference: PiecewiseSignal, schedule: Se
 
     Raises PlanError where there is no equilibrium on the way, and what `invert` raises of the same arguments.
     """
-    problem = MotionProblem.of(mechanism, reference, schedule)
-    stretches = _stretches(problem)
+    return steady_plan(MotionProblem.of(mechanism, reference, schedule))
+
+
+def steady_plan(problem: MotionProblem, postures: int = POSTURES) -> Plan:
+    """The steady motion of a problem, with so many stretches between postures on each piece of it.
+
+    Raises PlanError where there is no equilibrium on the way.
+    """
+    mechanism, reference = problem.mechanism, problem.reference
+    stretches = _stretches(problem, postures)
     edges = np.concatenate([*(times[:-1] for times, _, _ in stretches), stretches[-1][0][-1:]])
     model = problem.model(edges)
     interval = intervals_of_pieces(model, edges)[1:-1]
@@ -77,12 +85,12 @@ Stretch = tuple[Array, Array, tuple[Array, Array]]
 """Times (k,) [s], [x; u; y] of the postures then (k, r), and A and B between them (k - 1, n, n) and (k - 1, n, m)."""
 
 
-def _stretches(problem: MotionProblem) -> list[Stretch]:
+def _stretches(problem: MotionProblem, postures: int) -> list[Stretch]:
     """The postures between two stops of the motion, for all of them."""
     stops = problem.stops if len(problem.stops) > 1 else problem.stops[0] + np.array([0.0, 1.0])  # where nothing ever moves
     near, found = problem.rests[0], []
     for begin, end in pairwise(stops):
-        times, middle = np.linspace(begin, end, POSTURES + 1), (begin + end) / 2
+        times, middle = np.linspace(begin, end, postures + 1), (begin + end) / 2
         dynamics = problem.dynamics[int(np.searchsorted(problem.switch_times, middle, side="right"))]
         outputs = problem.reference(times, inside=np.full(len(times), middle))
         rests = _postures(problem, dynamics, times, outputs, near)

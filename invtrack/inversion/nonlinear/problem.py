@@ -55,9 +55,15 @@ class MotionProblem:
     rests: tuple[Rest, ...]
 
     @classmethod
-    def of(cls, mechanism: Mechanism, reference: PiecewiseSignal, schedule: Sequence[ScheduledChange]) -> MotionProblem:
-        """The problem; raises RelativeDegreeError, TrajectoryError, PlanError for what does not fit."""
-        _require_square(mechanism)
+    def of(
+        cls, mechanism: Mechanism, reference: PiecewiseSignal, schedule: Sequence[ScheduledChange], *, exact: bool = True
+    ) -> MotionProblem:
+        """The problem; raises RelativeDegreeError, TrajectoryError, PlanError for what does not fit.
+
+        exact: whether outputs are to follow the reference exactly, which not all numbers of inputs and not all references allow.
+        """
+        if exact:
+            _require_square(mechanism)
         _require_channels(mechanism, reference)
         times, values = _intervals(mechanism, schedule)
         dynamics = tuple(mechanism.dynamics(each) for each in values)
@@ -72,8 +78,9 @@ class MotionProblem:
         if len(values) == 1 and np.any(first != last):
             rests.append(_rest_at(mechanism, dynamics[0], reference, start, float(edges[0]), float(edges[-1])))
         problem = cls(mechanism, reference, times, values, dynamics, tuple(rests))
-        problem._require_smooth()
-        problem._require_same_zeros()
+        if exact:
+            problem._require_smooth()
+            problem._require_same_zeros()
         return problem
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 from invtrack.arrays import Array, Indices
 from invtrack.inversion.nonlinear.elements import Scheme, legendre
 from invtrack.inversion.nonlinear.mesh import Mesh
-from invtrack.inversion.nonlinear.shooting import Motion, Shooting
+from invtrack.inversion.nonlinear.shooting import ElementChain, Motion, Shooting
 from invtrack.references.signal import PiecewiseSignal
 
 MARGIN = 0.3
@@ -62,11 +62,11 @@ def dense_error(shooting: Shooting, motion: Motion, reference: PiecewiseSignal, 
     return DenseError(
         np.max(np.abs(away), axis=(1, 2)),
         np.max(np.abs(away - _through_points(away, scheme)), axis=(1, 2)),
-        _defects(shooting, motion, reference.breakpoints, size),
+        defects_of(shooting, motion, reference.breakpoints, size),
     )
 
 
-def _defects(shooting: Shooting, motion: Motion, stops: Array, size: Array) -> Array:
+def defects_of(shooting: ElementChain, motion: Motion, stops: Array, size: Array) -> Array:
     """What twice as many steps make of the ends of elements (N,), as shares of sizes (n,): of some of them, and of those near by.
 
     Args:

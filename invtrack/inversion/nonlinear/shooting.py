@@ -47,8 +47,75 @@ class Change:
     gap: float = 0.0
 
 
+class ElementChain:
+    """Elements of a motion one after the other, each integrated from its own start.
+
+    Args:
+        dynamics: of each interval.
+        mesh, scheme: elements, and polynomials and points on them.
+        motion_size: of the outputs (p,), by which misses are measured.
+        _last: the nodes of the motion that was asked for last, on which mesh.
+    """
+
+    dynamics: Sequence[Dynamics]
+    mesh: Mesh
+    scheme: Scheme
+    motion_size: Array
+    _last: list[tuple[Mesh, Motion, Array]]
+
+    def nodes(self, motion: Motion) -> Array:
+        """The states at the ends of the steps of all elements (N, S + 1, .)."""
+        for mesh, known, nodes in self._last:
+            if mesh is self.mesh and known is motion:
+                return nodes
+        basis = self.scheme.basis
+        parts = self.by_interval(
+            lambda dynamics, chosen: dynamics.motion(
+                motion.points[:-1][chosen], motion.coefficients[chosen], basis, self.mesh.lengths[chosen]
+            )
+        )
+        found = self.joined(parts)
+        self._last[:] = [(self.mesh, motion, found)]
+        return found
+
+    def ends_of(self, motion: Motion, elements: Indices, scheme: Scheme) -> Array:
+        """The states at the ends of some elements (k,), in the steps of another scheme (k, .)."""
+        result = np.empty((len(elements), motion.points.shape[1]))
+        for k in np.unique(self.mesh.interval[elements]):
+            here = np.flatnonzero(self.mesh.interval[elements] == k)
+            own = elements[here]
+            starts, lengths = motion.points[own], self.mesh.lengths[own]
+            result[here] = self.dynamics[k].motion(starts, motion.coefficients[own], scheme.basis, lengths)[:, -1]
+        return result
+
+    def outputs(self, nodes: Array, inputs: Array) -> Array:
+        """Outputs (N, k, p) at nodes (N, k, .) with inputs (N, k, m)."""
+        count = nodes.shape[1]
+
+        def part(dynamics: Dynamics, chosen: Indices) -> Array:
+            y = dynamics.evaluate(_flat(nodes[chosen]), _flat(inputs[chosen]))[1]
+            return y.reshape(-1, count, y.shape[1])
+
+        return self.joined(self.by_interval(part))
+
+    def by_interval(self, work: Callable[[Dynamics, Indices], T]) -> list[tuple[Indices, T]]:
+        """[(elements, work(dynamics, elements))] for each interval that has elements."""
+        found = []
+        for k in np.unique(self.mesh.interval):
+            chosen = np.flatnonzero(self.mesh.interval == k)
+            found.append((chosen, work(self.dynamics[k], chosen)))
+        return found
+
+    def joined(self, parts: Sequence[tuple[Indices, Array]]) -> Array:
+        """Values of all elements (N, ...) from those of each interval."""
+        result = np.empty((len(self.mesh), *parts[0][1].shape[1:]))
+        for chosen, values in parts:
+            result[chosen] = values
+        return result
+
+
 @dataclass(frozen=True, eq=False)
-class Shooting:
+class Shooting(ElementChain):
     """What a motion has to meet: x_(k+1) = Phi(x_k, c_k), outputs at their points, and the ends.
 
     With a border outputs may be bent, as little as puts what it names to rest at both ends.
@@ -74,41 +141,6 @@ class Shooting:
     border: Border | None = None
     _last: list[tuple[Mesh, Motion, Array]] = field(default_factory=list, repr=False)
 
-    def nodes(self, motion: Motion) -> Array:
-        """The states at the ends of the steps of all elements (N, S + 1, .)."""
-        for mesh, known, nodes in self._last:
-            if mesh is self.mesh and known is motion:
-                return nodes
-        basis = self.scheme.basis
-        parts = self._by_interval(
-            lambda dynamics, chosen: dynamics.motion(
-                motion.points[:-1][chosen], motion.coefficients[chosen], basis, self.mesh.lengths[chosen]
-            )
-        )
-        found = self._joined(parts)
-        self._last[:] = [(self.mesh, motion, found)]
-        return found
-
-    def ends_of(self, motion: Motion, elements: Indices, scheme: Scheme) -> Array:
-        """The states at the ends of some elements (k,), in the steps of another scheme (k, .)."""
-        result = np.empty((len(elements), motion.points.shape[1]))
-        for k in np.unique(self.mesh.interval[elements]):
-            here = np.flatnonzero(self.mesh.interval[elements] == k)
-            own = elements[here]
-            starts, lengths = motion.points[own], self.mesh.lengths[own]
-            result[here] = self.dynamics[k].motion(starts, motion.coefficients[own], scheme.basis, lengths)[:, -1]
-        return result
-
-    def outputs(self, nodes: Array, inputs: Array) -> Array:
-        """Outputs (N, k, p) at nodes (N, k, .) with inputs (N, k, m)."""
-        count = nodes.shape[1]
-
-        def part(dynamics: Dynamics, chosen: Indices) -> Array:
-            y = dynamics.evaluate(_flat(nodes[chosen]), _flat(inputs[chosen]))[1]
-            return y.reshape(-1, count, y.shape[1])
-
-        return self._joined(self._by_interval(part))
-
     def maps(self, motion: Motion, nodes: Array) -> ElementMaps:
         """Derivatives of all elements along the motion."""
         knots, scheme = self.scheme.knots, self.scheme
@@ -118,9 +150,9 @@ class Shooting:
             found: Derivatives = dynamics.derivatives(_flat(nodes[chosen][:, knots]), _flat(inputs[chosen]), rough=True)
             return element_maps(found, scheme, self.mesh.lengths[chosen])
 
-        parts = self._by_interval(part)
+        parts = self.by_interval(part)
         names = [field.name for field in fields(ElementMaps)]
-        return ElementMaps(*(self._joined([(chosen, getattr(maps, name)) for chosen, maps in parts]) for name in names))
+        return ElementMaps(*(self.joined([(chosen, getattr(maps, name)) for chosen, maps in parts]) for name in names))
 
     def misses(self, motion: Motion, nodes: Array) -> tuple[Array, Array]:
         """Gaps Phi(x_k, c_k) - x_(k+1) (N, n), and outputs less those wanted (N, p, s) at the matched points."""
@@ -179,20 +211,6 @@ class Shooting:
         points = self.dynamics[0].retract(motion.points, change.states)
         coefficients = motion.coefficients + change.coefficients.reshape(motion.coefficients.shape)
         return Motion(points, coefficients, motion.bend + change.bend)
-
-    def _by_interval(self, work: Callable[[Dynamics, Indices], T]) -> list[tuple[Indices, T]]:
-        """[(elements, work(dynamics, elements))] for each interval that has elements."""
-        found = []
-        for k in np.unique(self.mesh.interval):
-            chosen = np.flatnonzero(self.mesh.interval == k)
-            found.append((chosen, work(self.dynamics[k], chosen)))
-        return found
-
-    def _joined(self, parts: Sequence[tuple[Indices, Array]]) -> Array:
-        result = np.empty((len(self.mesh), *parts[0][1].shape[1:]))
-        for chosen, values in parts:
-            result[chosen] = values
-        return result
 
 
 def _flat(values: Array) -> Array:

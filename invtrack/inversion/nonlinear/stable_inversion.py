@@ -164,7 +164,7 @@ def confirmed(problem: MotionProblem, solution: Solution, outputs: PiecewiseSign
         dynamics.require_free(motion.points[chosen], motion.coefficients[chosen, 0])
     certificate = certify_motion(shooting, motion, trajectory, model, outputs)
     _require_rest(problem, certificate, SLACK * accuracy)
-    _require(certificate, SLACK * accuracy, exact=exact)
+    require_confirmed(certificate, SLACK * accuracy, exact=exact)
     checks = MotionChecks(
         rest_residual=max(rest.residual for rest in problem.rests),
         gap=min(end.gap for end in shooting.ends),
@@ -193,7 +193,7 @@ def _require_rest(problem: MotionProblem, certificate: Certificate, limit: float
     )
 
 
-def _require(certificate: Certificate, limit: float, *, exact: bool) -> None:
+def require_confirmed(certificate: Certificate, limit: float, *, exact: bool) -> None:
     """Raises PlanError for a plan that its replay does not confirm; exact: whether y = y_d holds between the points, too."""
     if not certificate.worst(exact=exact) <= limit:
         raise PlanError(

@@ -9,7 +9,7 @@ import numpy as np
 from invtrack.arrays import Array
 from invtrack.inversion.nonlinear.elements import legendre
 from invtrack.inversion.nonlinear.mesh import Mesh
-from invtrack.inversion.nonlinear.shooting import Motion, Shooting
+from invtrack.inversion.nonlinear.shooting import ElementChain, Motion
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.dynamics import Dynamics
 from invtrack.plans.plan import intervals_of_pieces
@@ -20,7 +20,7 @@ ALONG = 2.0**-13
 """Time step [pieces] over which the outputs' rate of change is measured along the motion."""
 
 
-def trajectory_of(shooting: Shooting, motion: Motion, model: SwitchedSystem, tails: tuple[Tail, Tail]) -> Trajectory:
+def trajectory_of(shooting: ElementChain, motion: Motion, model: SwitchedSystem, tails: tuple[Tail, Tail]) -> Trajectory:
     """[x; u; y] as deviations from the rest of the model's interval in which each element lies.
 
     An element whose integration is refined makes as many pieces. On each, x and y are Hermite's polynomials through values and

@@ -10,7 +10,7 @@ from invtrack.arrays import Array, Indices
 from invtrack.inversion.nonlinear.elements import legendre
 from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.inversion.nonlinear.rest import Rest
-from invtrack.inversion.nonlinear.shooting import Motion, Shooting
+from invtrack.inversion.nonlinear.shooting import ElementChain, Motion
 from invtrack.plans.dynamics import Dynamics
 from invtrack.plans.tail import Tail
 
@@ -48,7 +48,7 @@ class Outside:
 class Known:
     """A motion that is known on its mesh, and on both sides of it."""
 
-    shooting: Shooting
+    shooting: ElementChain
     motion: Motion
     outside: tuple[Outside, Outside]
 
