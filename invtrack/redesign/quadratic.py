@@ -12,36 +12,17 @@ from numpy.typing import ArrayLike
 from invtrack.arrays import Array, real_numbers, shown
 from invtrack.errors import RedesignError
 from invtrack.linear.switched import SwitchedSystem, as_switched
-from invtrack.plans.plan import Plan
+from invtrack.plans.dynamics import ScheduledChange, mechanism
 from invtrack.plans.problem import PlanningProblem
 from invtrack.plans.trajectory import Trajectory
 from invtrack.redesign.cheap import certified_optimum
 from invtrack.redesign.cost import Weights, as_weights
 from invtrack.redesign.least_cost import LeastCost
+from invtrack.redesign.nonlinear.motion_redesign import redesign_motion
+from invtrack.redesign.optimal_trajectory import OptimalTrajectory
 from invtrack.references.signal import PiecewiseSignal
 
 METHOD = "quadratic redesign"
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class OptimalTrajectory(Plan):
-    """The plan of least cost, or of least mean cost over several models.
-
-    Args:
-        optimality_gap: largest share of its cost by which any other input could cost less, from a bound that the plan's costate
-            gives (see `invtrack.redesign.optimality`), worked out from values alone.
-        variants: what the input makes of each of several models, the first one among them; none for a single model.
-        probabilities: of the variants.
-    """
-
-    optimality_gap: float
-    variants: tuple[OptimalTrajectory, ...] = ()
-    probabilities: tuple[float, ...] = ()
-
-    def __repr__(self) -> str:
-        """What it is, without its arrays."""
-        others = f", {len(self.variants)} models" if self.variants else ""
-        return f"{super().__repr__()[:-1]}, at most {self.optimality_gap:.1e} of its cost above the least{others}>"
 
 
 def quadratic_redesign(
@@ -52,6 +33,9 @@ def quadratic_redesign(
     Q_x: ArrayLike = 0.0,
     Q_y: ArrayLike,
     probabilities: ArrayLike | None = None,
+    schedule: Sequence[ScheduledChange] = (),
+    accuracy: float = 1e-8,
+    hold: float | None = None,
     tolerance: float = 1e-10,
     max_preactuation: float | None = None,
     max_postactuation: float | None = None,
@@ -72,24 +56,57 @@ def quadratic_redesign(
     (`optimality_gap`): 1e-7 or less, unless rounding hides more, as where inputs are so cheap that output errors drown in it; from
     1e-6 on a remark says so.
 
+    A Plant is planned for as it moves, x' = f(x, u), y = h(x, u) from MuJoCo, from the equilibrium at which it stands to the one
+    that the reference ends in: by Gauss-Newton's method on elements of time, each step a linear-quadratic problem along the way,
+    with what lies far before and after it in closed form. Its x and u cost by how far they are from the state and the input that
+    would hold the wanted outputs where they are at that time (`invtrack.inversion.steady_state_feedforward`). That is the same
+    where holding takes no other input than at the operating point; where it does, holding costs nothing, before, on the way and
+    after. What comes back is an OptimalMotion, whose `optimality_gap` is what inputs near by could take off the cost: a motion far
+    from it may cost less.
+
     Args:
         model: StateSpace, SwitchedSystem, or anything with A, B, C, D; or a list of them, with the same states, inputs and outputs
-            about the same operating point.
+            about the same operating point; or a Plant at an equilibrium, with any numbers of inputs and outputs.
         reference: absolute, in the units of the outputs, held still before and after the manoeuvre.
         R: weight of the inputs (p, p), positive definite, in 1 / (units squared) like all weights; a number stands for that
             multiple of the identity, here and below.
         Q_x: weight of the states (n, n), positive semidefinite.
         Q_y: weight of the output errors (p, p), positive semidefinite. Where it is zero the optimum is not to move.
         probabilities: how likely each of several models is (k,), alike unless stated; they are scaled to add up to one.
+        schedule: for a Plant, when its parameters change on the way: [Change(1.0, tip_mass=0.5)].
+        accuracy: for a Plant, how well the integration and the linear tails are to follow its dynamics, as a share of the states'
+            sizes.
+        hold: for a Plant, the period of the zero-order hold that will drive it [s]: inputs are constant over each hold and the best
+            such ones, so that what is planned is what is driven. Without it they are polynomials over elements of time.
         tolerance: share of each peak that counts as rest, as in `invert`.
         max_preactuation, max_postactuation: longest [s], as in `invert`; None: as long as the tolerance asks.
 
     Raises TrajectoryError (wrong number of channels, a reference that does not hold still before and after), RedesignError
     (options or weights out of range; holding an end value would cost input for ever, so that the cost is infinite; a mode that
     the cost does not see or the input does not reach; inputs so cheap that nothing can be certified; models that do not fit each
-    other). Source: S. Devasia, "Optimal output-trajectory redesign for invertible
+    other; for a Plant also where Gauss-Newton's method finds no motion), and for a Plant PlanError (no equilibrium for a wanted
+    output, or a motion that the simulator does not confirm). Source: S. Devasia, "Optimal output-trajectory redesign for invertible
     systems", AIAA J. of Guidance, Control, and Dynamics 19(5), 1996 (frequency domain; here the same optimum in time).
     """
+    moving = mechanism(model)
+    if moving is not None:
+        if probabilities is not None:
+            raise RedesignError("probabilities are for a list of linear models, a Plant is planned for as it moves; leave them out")
+        return redesign_motion(
+            moving,
+            reference,
+            R=R,
+            Q_x=Q_x,
+            Q_y=Q_y,
+            schedule=schedule,
+            accuracy=accuracy,
+            hold=hold,
+            tolerance=tolerance,
+            limits=(max_preactuation, max_postactuation),
+        )
+    for name, given in (("schedule", len(schedule) > 0), ("hold", hold is not None)):
+        if given:
+            raise RedesignError(f"{name} is for a Plant, which is planned for as it moves; leave it out for a linear model")
     plants = _plants(model)
     shares = _shares(probabilities, len(plants))
     weights = [as_weights(plant, R=R, Q_x=Q_x, Q_y=Q_y) for plant in plants]  # each checks them against its own feedthrough

@@ -76,6 +76,7 @@ NOT_DOORS = {
         "ActiveLimit",
     ),
     *("ActiveStretch", "Optimality", "OptimalTrajectory", "TrimPoint", "TrimmedQuantity", "ActingLimit", "Stretches"),
+    *("GaussNewtonStep", "OptimalMotion"),
     *("ConstrainedTrajectory", "FrequencyResponse", "ImpulseResponse", "Outcome", "Prefilter", "PrefilteredTrajectory"),
     *(
         "ReferenceReport",
@@ -343,6 +344,9 @@ def _calls() -> dict[str, Call]:
             Q_x=0.1,
             Q_y=10.0,
             probabilities=[1.0],
+            schedule=(),
+            accuracy=1e-8,
+            hold=None,
             tolerance=1e-8,
             max_preactuation=5.0,
             max_postactuation=5.0,
