@@ -36,7 +36,7 @@ ELEMENTS = 50
 """Elements of the manoeuvre, at least, before refinement."""
 
 FASTEST = 1.0
-"""Step of the integration times the fastest mode [rad], at most: classical RK4 is stable up to 2.5."""
+"""Half of a coefficient's share of an element times the fastest mode [rad], at most: what the polynomials of the plan can follow."""
 
 RESOLVED = 2.0
 """Length of the elements beside the manoeuvre times the fastest mode of the optimum there [rad], at most."""
@@ -165,7 +165,7 @@ class LeastCostMotion:
         """Length of elements [s] over which the integration follows the fastest mode, of the plant and of the optimum."""
         of_plant = [float(np.max(np.abs(np.linalg.eigvals(model.A)), initial=0.0)) for model in self.problem.linear_models]
         fastest = max(*of_plant, *(end.fastest for end in self.ends))
-        return FASTEST * Scheme(COUNT, (), REFINEMENT).steps / fastest if fastest > 0 else np.inf
+        return FASTEST * 2 * COUNT / fastest if fastest > 0 else np.inf
 
     def _motions(self, scheme: Scheme, mesh: Mesh, number: int) -> CostedMotions:
         problem = self.problem
