@@ -3,8 +3,10 @@
     plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
 
 Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `references`, `plans`, `inversion`,
+`advice`, `sweeps`, `testing`, `command`.
 `redesign`, `preview`, `regulation`, `control`, `baselines`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`,
 `redesign`, `regulation`, `control`, `baselines`, `mechanisms`, `simulation`, `results`, `learning`, `recording`, `figures`,
+`redesign`, `regulation`, `control`, `baselines`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`,
 `studies`, `sweeps`, `testing`, `command`.
 `sweeps`, `testing`, `command`.
 
@@ -19,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 from invtrack.errors import InvtrackError
 
 if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
+    from invtrack import advice as advice
     from invtrack import baselines as baselines
     from invtrack import command as command
     from invtrack import control as control
@@ -39,6 +42,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
     from invtrack import studies as studies
     from invtrack import sweeps as sweeps
     from invtrack import testing as testing
+    from invtrack.advice import Move, advise
     from invtrack.channels import Channels
     from invtrack.control import (
         ExosystemController,
@@ -79,6 +83,7 @@ __all__ = [
     "Limits",
     "LinearPlant",
     "LuenbergerObserver",
+    "Move",
     "OutputFeedbackController",
     "PiecewiseSignal",
     "Plan",
@@ -89,6 +94,7 @@ __all__ = [
     "StateSpace",
     "SwitchedSystem",
     "TrackingController",
+    "advise",
     "bryson",
     "causal_inverse",
     "constrained_redesign",
@@ -152,6 +158,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "learning": ("iterate",),
     "recording": ("load_recording", "save_recording"),
     "figures": (),
+    "advice": ("Move", "advise"),
     "sweeps": (),
     "studies": (),
     "command": (),

@@ -40,6 +40,21 @@ ROOMS: dict[str, set[str]] = {
     "simulation": {"linear", "plans", "control", "plant", "results", "mujoco", *THEORY},
     "recording": {"results", "mujoco", "rerun", "pyarrow"},
     "figures": {"results", "plans", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
+    "advice": {
+        "linear",
+        "references",
+        "plans",
+        "inversion",
+        "redesign",
+        "control",
+        "baselines",
+        "plant",
+        "results",
+        "simulation",
+        "studies",
+        "mujoco",
+        "rich",
+    },
     "sweeps": {"results", "recording", "studies", "pyarrow", *THEORY},
     "studies": {"plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
     "testing": {

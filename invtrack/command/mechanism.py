@@ -65,8 +65,12 @@ class Mechanism(StudyOptions):
         )
         if not self.trim:
             return plant
-        wanted = dict(assignment("--trim", text) for text in self.trim if text != "here")
-        return trim(plant, outputs=wanted, **self.values).plant
+        return trim(plant, outputs=self.trimmed, **self.values).plant
+
+    @property
+    def trimmed(self) -> dict[str, float]:
+        """Values of --trim by output."""
+        return dict(assignment("--trim", text) for text in self.trim if text != "here")
 
     @property
     def source(self) -> Path:

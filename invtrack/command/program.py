@@ -9,6 +9,7 @@ from typing import Annotated, NoReturn
 
 import tyro
 
+from invtrack.command.advise import Advise
 from invtrack.command.doctor import Doctor
 from invtrack.command.run import Run
 from invtrack.command.shipped_studies import ShippedStudy, run_study
@@ -18,6 +19,7 @@ from invtrack.errors import InvtrackError
 
 Command = (
     Annotated[Zeros, tyro.conf.subcommand("zeros")]
+    | Annotated[Advise, tyro.conf.subcommand("advise")]
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]

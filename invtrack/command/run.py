@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +11,10 @@ import numpy as np
 import tyro
 
 from invtrack.arrays import Array
-from invtrack.command.mechanism import Mechanism, assignment
+from invtrack.command.mechanism import assignment
+from invtrack.command.motion import Motion, seconds
 from invtrack.control import KalmanFilter, OutputFeedbackController, TrackingController, bryson, lqr
 from invtrack.control.protocol import Controller
-from invtrack.errors import InvtrackError
 from invtrack.figures import tracking_figure
 from invtrack.inversion import invert, modified_inversion, steady_state_feedforward
 from invtrack.linear.switched import SwitchedSystem
@@ -28,8 +27,6 @@ from invtrack.studies import Case, Column, Setup, Study, Table
 
 Method = Literal["exact", "nonlinear", "modified", "redesign", "limited", "feedback"]
 
-UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "": 1.0}
-
 BEGINNING = -1e9
 """A time before every run [s]."""
 
@@ -38,17 +35,8 @@ SHARE = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
-class Run(Mechanism):
+class Run(Motion):
     """Move a mechanism along a trajectory: plan it, drive it in MuJoCo under feedback, and keep what happened."""
-
-    move: Annotated[tuple[float, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="DISTANCE")] = ()
-    """How far the output is to move from where it stands, in its own unit; once for each output, in their order."""
-
-    duration: Annotated[float, tyro.conf.arg(name="in", metavar="SECONDS")] = 1.0
-    """In how many seconds."""
-
-    reference: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None
-    """Instead of --move and --in: a table of times and wanted outputs."""
 
     smoothness: int | None = None
     """How many derivatives of the motion vanish at its ends; by default two more than exact tracking needs."""
@@ -117,14 +105,13 @@ class Run(Mechanism):
     def _reference(self, plant: Plant, model: SwitchedSystem) -> PiecewiseSignal:
         if self.reference is not None:
             return load_reference(self.reference, channels=plant.outputs)
-        if len(self.move) != len(plant.outputs):
-            raise InvtrackError(f"--move: expected one distance for each of {', '.join(plant.outputs.names)}, got {len(self.move)}")
+        distances = self.distances(plant)
         smoothness = self._smoothness(model)
         starts = plant.operating_point.y0
         return stack(
             [
                 rest_to_rest(y, y + distance, duration=self.duration, smoothness=smoothness)
-                for y, distance in zip(starts.tolist(), self.move, strict=True)
+                for y, distance in zip(starts.tolist(), distances, strict=True)
             ]
         )
 
@@ -170,18 +157,6 @@ class Run(Mechanism):
         sizes = [noise.get(name, min(noise.values())) for name in model.outputs.names]
         kalman = KalmanFilter(input_noise=SHARE * float(np.max(_largest_inputs(plan))), measurement_noise=sizes)
         return OutputFeedbackController(plan, gains, kalman, period=self.timestep if period is None else period)
-
-
-def seconds(option: str, text: str) -> float:
-    """0.005 from "5ms". Raises InvtrackError, with the option's name, for anything else."""
-    found = re.fullmatch(r"\s*([0-9.eE+-]+)\s*(s|ms|us|)\s*", text)
-    try:
-        value = float(found[1]) * UNITS[found[2]] if found else 0.0
-    except ValueError:
-        value = 0.0
-    if not value > 0:
-        raise InvtrackError(f"{option}: expected a time such as 5ms or 0.005s, got {text!r}")
-    return value
 
 
 def _motion(reference: PiecewiseSignal) -> float:

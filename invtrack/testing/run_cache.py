@@ -19,7 +19,8 @@ from invtrack.references.signal import PiecewiseSignal
 from invtrack.results.result import RunResult
 from invtrack.simulation.closed_loop import simulate
 from invtrack.simulation.linear_plant import LinearPlant
-from invtrack.testing.factors import case_name, with_factors
+from invtrack.simulation.parameter_factors import with_factors
+from invtrack.testing.factors import case_name
 from invtrack.testing.fingerprint import fingerprint
 
 Design = Callable[[StateSpace, PiecewiseSignal], Controller]

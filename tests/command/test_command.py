@@ -14,7 +14,7 @@ import pytest
 import invtrack
 from invtrack.command import main
 from invtrack.command.mechanism import assignment
-from invtrack.command.run import seconds
+from invtrack.command.motion import seconds
 
 CRANE = """<mujoco model="crane"><option integrator="RK4"/>
 <worldbody><body name="trolley"><joint name="x" type="slide" axis="1 0 0" damping="1"/><geom type="box" size=".2 .1 .05" mass="5"/>
