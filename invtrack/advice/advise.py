@@ -26,14 +26,14 @@ SHORTER = (0.75,)
 LONGER = (1.5, 2.0, 3.0, 5.0)
 """Durations that are tried, one after the other, where nothing does what is asked in the time that was given."""
 
-PACE = 0.5**0.25
-"""From one duration to the next where the shortest one is looked for."""
+MOST_PROMISING = 3
+"""Ways that are tried for ever shorter motions."""
 
 SHORTEST = 0.125
 """Of the given duration, the shortest that is looked at."""
 
-BISECTIONS = 3
-"""Between the shortest duration that does and the next one that does not."""
+BISECTIONS = 6
+"""Of the logarithm of the duration, between the shortest that does and the longest that does not."""
 
 
 def advise(
@@ -133,33 +133,44 @@ class _Search:
         if not isinstance(self.task.reference, Move):
             self._all([(way, duration, None) for way in self._ways()])
             return
-        points = list(self._points(self._ways(), duration))
+        self._all(list(self._points(self._ways(), duration)))
         for share in SHORTER:
-            points += self._points([way for way in self._ways() if way.durations], rounded(share * duration))
-        self._all(points)
+            self._all([(way, rounded(share * duration), smoothness) for way, smoothness in self._promising(1)])
         self._longer()
 
     def fastest(self) -> None:
-        """Ever shorter motions, until nothing does what is asked any more; then between the last two."""
+        """Shorter motions, between the shortest that does what is asked and the longest that does not."""
         duration = self.task.duration
         self._all(list(self._points(self._ways(), duration)))
         if not any(trial.meets for trial in self.trials):
             self._longer()
             return
-        open_to_it = [way for way in self._ways() if way.durations or any(t.meets and t.method == way.name for t in self.trials)]
-        share, below = PACE, 0.0
-        while share > SHORTEST:
-            if not self._tried_at(open_to_it, rounded(share * duration)):
-                below = share
-                break
-            share *= PACE
-        good = share / PACE
-        for _ in range(BISECTIONS if below else 0):
+        good, below = 1.0, SHORTEST
+        promising = self._promising(MOST_PROMISING)
+        for _ in range(BISECTIONS):
             middle = math.sqrt(good * below)
-            if self._tried_at(open_to_it, rounded(middle * duration)):
+            known = len(self.trials)
+            self._all([(way, rounded(middle * duration), smoothness) for way, smoothness in promising])
+            if any(trial.meets for trial in self.trials[known:]):
                 good = middle
             else:
                 below = middle
+
+    def _promising(self, count: int) -> list[tuple[Way, int | None]]:
+        """For other durations: of each way the smoothness with which it did best, of the ways the best few.
+
+        Redesign within limits, which only shows where limits act, is always among them.
+        """
+        ranked = sorted(self.trials, key=lambda trial: (not trial.meets, trial.peak_input if trial.meets else trial.error))
+        smoothness: dict[str, int | None] = {}
+        for trial in ranked:
+            smoothness.setdefault(trial.method, trial.smoothness)
+        open_to_it = {way.name: way for way in self._ways() if way.durations}
+        found = [(open_to_it[name], best) for name, best in smoothness.items() if name in open_to_it][:count]
+        within = open_to_it["constrained redesign"]
+        if self.task.bounds and all(way is not within for way, _ in found):
+            found += [(within, each) for each in within.smoothnesses(self.task)]
+        return found
 
     def recommended(self, *, fastest: bool) -> Trial | None:
         """The choice among what was tried, which stays stable with parameters off."""

@@ -99,6 +99,7 @@ class Bench:
     lines: tuple[Line, ...]
     names: dict[str, Any]
     known: dict[tuple[float, int | None], dict[float, float]] = field(default_factory=dict)
+    guesses: dict[float, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, task: Task) -> Bench:
@@ -119,7 +120,7 @@ class Bench:
         known = self.known.setdefault((duration, smoothness), {})
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # what they warn of is looked for in the run
-            lines += way.lines(Point(task, duration, smoothness, names, known))
+            lines += way.lines(Point(task, duration, smoothness, names, known, self.guesses))
             if not any(line.target == "controller" for line in lines):
                 lines.append(controller_line())
             for line in lines[len(task.reference_lines(duration, smoothness)) :]:
@@ -181,7 +182,7 @@ class Bench:
         window = window_length(plan.manoeuvre, slowest_flexible_period(plan.model.systems[-1])).value or 0.0
         window = min(window, LONGEST_WINDOW * task.duration)
         before = max(0.0, T_i - plan.start)
-        if not np.any(np.isnan(plan.rest_inputs[0])):
+        if before > task.duration and not np.any(np.isnan(plan.rest_inputs[0])):
             before = min(before, preactuation_time(plan, level=AT_REST * task.error))
         if controller.period is None:
             start = round(T_i - before - 0.5 * 10.0**-STEPS, STEPS) if before else T_i

@@ -35,7 +35,8 @@ ShaperKind = Literal["ZV", "ZVD", "EI"]
 class Point:
     """A way is worked out for one duration [s] and smoothness of the motion; both are those of the signal where one was given.
 
-    names: what the program's lines before have named. known: see `redesign_weights`.
+    names: what the program's lines before have named. known: see `redesign_weights`. guesses: what it found last, by the share of
+    the acceptable error.
     """
 
     task: Task
@@ -43,6 +44,7 @@ class Point:
     smoothness: int | None
     names: dict[str, Any] = field(repr=False)
     known: dict[float, float] = field(repr=False)
+    guesses: dict[float, float] = field(repr=False)
 
     @property
     def reference(self) -> PiecewiseSignal:
@@ -107,7 +109,11 @@ def _quadratic(share: float) -> Callable[[Point], Sequence[Line]]:
 
 def _weights(point: Point, share: float) -> dict[str, Any]:
     """With which a redesign takes this share of the acceptable error."""
-    return redesign_weights(point.task, point.reference, point.known, aim=(share * AIM[0], share * AIM[1]), **point.preactuation)
+    aim = (share * AIM[0], share * AIM[1])
+    guess = point.guesses.get(share, math.log10(share * point.task.error) - 3.0)
+    found, weights = redesign_weights(point.task, point.reference, point.known, guess=guess, aim=aim, **point.preactuation)
+    point.guesses[share] = found
+    return weights
 
 
 def _constrained(point: Point) -> Sequence[Line]:

@@ -38,13 +38,14 @@ def planned_error(task: Task, plan: Plan) -> float:
 
 
 def redesign_weights(
-    task: Task, reference: Any, known: dict[float, float], *, aim: tuple[float, float] = AIM, **options: Any
-) -> dict[str, Any]:
-    """R and Q_y with which the planned error lies between shares `aim` of the acceptable one: the dearest input there is room for.
+    task: Task, reference: Any, known: dict[float, float], *, guess: float, aim: tuple[float, float] = AIM, **options: Any
+) -> tuple[float, dict[str, Any]]:
+    """The dearest input there is room for: with it the planned error lies between shares `aim` of the acceptable one.
 
-    Each input counts by its size in such a motion, each output by its motion; looked for is the one number between the two, by
-    secants of the error's logarithm over its own, within a bracket.
-    known: the logarithm of the error by that number's, as far as earlier searches for this reference found it; grows.
+    Each input counts by its size in such a motion, each output by its motion; looked for is the one number between the two, its
+    decade, by secants of the error's logarithm within a bracket. Returned are that decade, R and Q_y.
+    known: the logarithm of the error by decades, as far as earlier searches for this reference found it; grows.
+    guess: the decade with which to begin where nothing is known.
     options: further ones of `quadratic_redesign`.
 
     Raises RedesignError where no weight brings the error below, and what `quadratic_redesign` raises.
@@ -54,8 +55,8 @@ def redesign_weights(
     cheap = max((decade for decade, found in known.items() if found <= high), default=LEAST)
     dear = min((decade for decade, found in known.items() if found > high), default=MOST)
     tried = sorted(known.items(), key=lambda point: -abs(point[1] - target))
-    decade = _next(tried, target, cheap, dear) if tried else math.log10(task.error) - 3.0
-    best = weights(task, cheap) if cheap in known else None
+    decade = _next(tried, target, cheap, dear) if tried else guess
+    best = (cheap, weights(task, cheap)) if cheap in known else None
     refusal: InvtrackError | None = None
     for _ in range(STEPS):
         chosen = weights(task, decade)
@@ -69,9 +70,9 @@ def redesign_weights(
             continue
         found = math.log10(max(error, np.finfo(float).tiny))
         if found <= high:
-            cheap, best = decade, chosen
+            cheap, best = decade, (decade, chosen)
             if found >= low:
-                return chosen
+                return decade, chosen
         else:
             dear = decade
         known[decade] = found
