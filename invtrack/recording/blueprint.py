@@ -10,14 +10,18 @@ import rerun.blueprint as rrb
 
 from invtrack.arrays import Array
 from invtrack.recording.scene import Scene
-from invtrack.recording.series import TIME, channels_by_unit, entity_path, unit_path
+from invtrack.recording.series import channels_by_unit, entity_path, unit_path
 from invtrack.recording.shapes import visible_geoms
+from invtrack.recording.stream import SHOWN
 from invtrack.results.result import RunResult, Signal
 
 VIEWING_DISTANCE = 1.5
 """Distance of the eye relative to the width of what it is to see; the viewer's field of view is about 55 degrees."""
 
 SKY = (176, 190, 204)
+
+BESIDE = 0.35
+"""Share of the shown interval that plots leave free on their right, where the legend stands."""
 
 
 def make_blueprint(
@@ -44,7 +48,7 @@ def make_blueprint(
     ]
     return rrb.Blueprint(
         rrb.Horizontal(left, rrb.Vertical(*right), column_shares=[2, 3] if shared or any(scenes) else [1, 3]),
-        rrb.TimePanel(timeline=TIME, state="collapsed", play_state="paused"),
+        _time_panel(interval),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         auto_layout=False,
@@ -161,7 +165,8 @@ def _numbers(runs: Sequence[RunResult]) -> list[rrb.View]:
 
 
 def _plot(name: str, paths: list[str], interval: tuple[float, float]) -> rrb.View:
-    start, end = (rr.TimeRangeBoundary.absolute(seconds=time) for time in interval)
+    begin, until = interval
+    start, end = (rr.TimeRangeBoundary.absolute(seconds=time) for time in (begin, until + BESIDE * (until - begin)))
     return rrb.TimeSeriesView(
         origin="/",
         contents=paths,
@@ -169,6 +174,13 @@ def _plot(name: str, paths: list[str], interval: tuple[float, float]) -> rrb.Vie
         axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end)),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )
+
+
+def _time_panel(interval: tuple[float, float]) -> rrb.TimePanel:
+    """It plays the interval [s] again and again, on the timeline that starts there: no layout can say at which time to start."""
+    begin, end = (round(1e9 * time) for time in interval)
+    repeated = rrb.components.AbsoluteTimeRange(begin, end)
+    return rrb.TimePanel(timeline=SHOWN, state="collapsed", play_state="playing", loop_mode="selection", time_selection=repeated)
 
 
 def _event_lines(run: RunResult, signal: str, unit: str) -> list[str]:

@@ -19,11 +19,13 @@ from invtrack.arguments import file_path, flag, require_text
 from invtrack.errors import RecordingError
 from invtrack.files import replaced_when_complete
 from invtrack.recording.blueprint import make_blueprint
+from invtrack.recording.followed import send_followed
 from invtrack.recording.header import HELD, SAMPLED
 from invtrack.recording.numbers import send_numbers
 from invtrack.recording.samples import FORMAT, read_samples, require_format, samples_path, write_samples
 from invtrack.recording.scene import Scene, make_scene, send_scene
 from invtrack.recording.series import send_series
+from invtrack.recording.stream import Stream
 from invtrack.recording.thinning import shown_interval, thinning
 from invtrack.results.result import RunResult
 
@@ -118,12 +120,14 @@ def _write_shown(
         stream.save(path, default_blueprint=make_blueprint(placed, scenes, interval, shared=bool(application)))
         stream.send_recording_name(title)
         stream.send_property(PROPERTY, rr.DynamicArchetype(PROPERTY, components={"format": FORMAT, "recording": identity}))
+        rows = Stream(stream, interval[0])
         for number, (run, at, scene) in enumerate(zip(runs, placed, scenes, strict=True)):
             prefix = f"{run.name}: " if len(runs) > 1 else ""
-            send_series(stream, at, thinning(run, interval, every_sample=every_sample), number=number, prefix=prefix)
+            send_series(rows, at, thinning(run, interval, every_sample=every_sample), number=number, prefix=prefix)
             send_numbers(stream, at, name=run.name)
             if scene is not None:
-                send_scene(stream, at, scene)
+                send_scene(rows, at, scene)
+                send_followed(rows, at, scene)
     finally:
         stream.disconnect()  # writes the footer
     try:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from invtrack.arrays import Array
 from invtrack.errors import RecordingError
-from invtrack.recording.series import entity_path, time_columns
+from invtrack.recording.series import entity_path
 from invtrack.recording.shapes import (
     body_name,
     colored_shape,
@@ -26,6 +26,7 @@ from invtrack.recording.shapes import (
     tendon_rgba,
     visible_geoms,
 )
+from invtrack.recording.stream import Stream
 from invtrack.recording.tendons import TendonPath, Wrapping, is_path, send_tendon, tendon_path
 from invtrack.results.result import RunResult
 
@@ -126,36 +127,36 @@ def frame_samples(result: RunResult, interval: tuple[float, float]) -> NDArray[n
     return np.asarray(frames[np.all(np.isfinite(result.qpos[frames]), axis=1)], dtype=np.int64)
 
 
-def send_scene(recording: rr.RecordingStream, result: RunResult, scene: Scene) -> None:
+def send_scene(stream: Stream, result: RunResult, scene: Scene) -> None:
     """Send the scene: shapes once, poses over time; bodies whose mass is a parameter change with it."""
     root, model = (result.name, "scene"), scene.model
-    recording.log(entity_path(*root), rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True, strict=True)
-    indexes = time_columns(scene.frames, result.time[scene.frames])
+    stream.log(entity_path(*root), rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    times = result.time[scene.frames]
     sizes = _size_factors(result, model)
     for body in range(model.nbody):
         name = body_name(model, body)
         path, geoms = (*root, "bodies", name), visible_geoms(model, body)
         if geoms or name in result.parameter_bodies.values():
-            _send_pose(recording, entity_path(*path), indexes, scene, body)
+            _send_pose(stream, entity_path(*path), times, scene, body)
         for geom in geoms:
             geom_path = entity_path(*path, geom_name(model, geom))
             if body in sizes:
-                _send_sized_geom(recording, geom_path, result, model, geom, sizes[body])
+                _send_sized_geom(stream, geom_path, result, model, geom, sizes[body])
             else:
-                recording.log(geom_path, colored_shape(model, geom), geom_transform(model, geom), static=True, strict=True)
-    _send_labels(recording, result, model, root)
+                stream.log(geom_path, colored_shape(model, geom), geom_transform(model, geom))
+    _send_labels(stream, result, model, root)
     for tendon in scene.tendons:
         at = entity_path(*root, "tendons", tendon_name(model, tendon))
-        send_tendon(recording, at, indexes, model, tendon, scene.tendons[tendon])
+        send_tendon(stream, at, scene.frames, times, (model, tendon), scene.tendons[tendon])
 
 
-def _send_pose(recording: rr.RecordingStream, path: str, indexes: list[rr.TimeColumn], scene: Scene, body: int) -> None:
+def _send_pose(stream: Stream, path: str, times: Array, scene: Scene, body: int) -> None:
     if scene.model.body_weldid[body] == 0:  # fixed to the world
         pose = rr.Transform3D(translation=scene.positions[0, body], quaternion=scene.quaternions[0, body])
-        recording.log(path, pose, static=True, strict=True)
+        stream.log(path, pose)
         return
     columns = rr.Transform3D.columns(translation=scene.positions[:, body], quaternion=scene.quaternions[:, body])
-    rr.send_columns(path, indexes, columns, recording=recording, strict=True)
+    stream.send(path, scene.frames, times, columns, held=True)
 
 
 def _load(result: RunResult) -> mujoco.MjModel:
@@ -202,25 +203,23 @@ def _changes(values: Array) -> NDArray[np.int64]:
     return np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]])[: values.size])
 
 
-def _send_sized_geom(
-    recording: rr.RecordingStream, path: str, result: RunResult, model: mujoco.MjModel, geom: int, size: _SizeChanges
-) -> None:
+def _send_sized_geom(stream: Stream, path: str, result: RunResult, model: mujoco.MjModel, geom: int, size: _SizeChanges) -> None:
     """Send a geom whose scale and colour change at some samples: its shape once, the changes over time."""
     shape, rgba = geom_shape(model, geom), geom_rgba(model, geom)
-    recording.log(path, shape.archetype(**shape.fields), static=True, strict=True)
+    stream.log(path, shape.archetype(**shape.fields))
     count = size.samples.size
     white = PALENESS * (1 - size.factors[:, np.newaxis])
     colors = np.column_stack([(1 - white) * rgba[:3] + white, np.full(count, rgba[3])])
-    indexes = time_columns(size.samples, result.time[size.samples])
     transforms = rr.Transform3D.columns(
         translation=np.tile(model.geom_pos[geom], (count, 1)),
         quaternion=np.tile(model.geom_quat[geom, [1, 2, 3, 0]], (count, 1)),
         scale=np.tile(size.factors[:, np.newaxis], (1, 3)),
     )
-    rr.send_columns(path, indexes, [*transforms, *shape.color_columns(colors)], recording=recording, strict=True)
+    changes = [*transforms, *shape.color_columns(colors)]
+    stream.send(path, size.samples, result.time[size.samples], changes, held=True)
 
 
-def _send_labels(recording: rr.RecordingStream, result: RunResult, model: mujoco.MjModel, root: tuple[str, ...]) -> None:
+def _send_labels(stream: Stream, result: RunResult, model: mujoco.MjModel, root: tuple[str, ...]) -> None:
     """Send the value of each parameter that belongs to a body as a text beside that body."""
     for number, (parameter, name) in enumerate(result.parameter_bodies.items()):
         body, column = _parameter_of(result, model, parameter, name)
@@ -228,11 +227,11 @@ def _send_labels(recording: rr.RecordingStream, result: RunResult, model: mujoco
         place = [0.0, 0.0, -(1.5 + number) * (reach or 0.05 * model.stat.extent)]
         path = entity_path(*root, "bodies", name, f"{parameter}_label")
         dot = rr.Points3D([place], radii=[1e-3 * reach], colors=[LABEL_COLOR], show_labels=True)
-        recording.log(path, dot, static=True, strict=True)
+        stream.log(path, dot)
         values, unit = result.parameters.values[:, column], result.parameters.channels.units[column]
         samples = _changes(values)
         labels = rr.Points3D.columns(labels=[f"{parameter} = {value:.6g} {unit}" for value in values[samples]])
-        rr.send_columns(path, time_columns(samples, result.time[samples]), labels, recording=recording, strict=True)
+        stream.send(path, samples, result.time[samples], labels, held=True)
 
 
 def _parameter_of(result: RunResult, model: mujoco.MjModel, parameter: str, body: str) -> tuple[int, int]:

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from invtrack.arrays import Array
 from invtrack.recording.header import HELD, SAMPLED
+from invtrack.recording.stream import Stream
 from invtrack.recording.thinning import Thinning
 from invtrack.results.result import RunResult, Signal
-
-STEP, TIME = "step", "time"
 
 Color = tuple[int, int, int]
 
@@ -63,49 +62,36 @@ def channels_by_unit(signal: Signal) -> dict[str, list[int]]:
     return groups
 
 
-def time_columns(steps: NDArray[np.int64], times: Array) -> list[rr.TimeColumn]:
-    """Both timelines for rows that belong to the samples `steps` and are shown at `times` [s]."""
-    nanoseconds = np.round(times * 1e9).astype("timedelta64[ns]")
-    return [rr.TimeColumn(STEP, sequence=steps), rr.TimeColumn(TIME, duration=nanoseconds)]
-
-
-def send_rows(recording: rr.RecordingStream, path: str, indexes: Sequence[rr.TimeColumn], rows: Array) -> None:
-    """Send a matrix (samples, channels) as Rerun scalars, one row per sample."""
-    lengths = np.full(rows.shape[0], rows.shape[1])
-    columns = rr.Scalars.columns(scalars=np.ascontiguousarray(rows).ravel()).partition(lengths)
-    rr.send_columns(path, indexes, columns, recording=recording, strict=True)
-
-
 def step_at(result: RunResult, times: Array) -> NDArray[np.int64]:
     """Number of the sample nearest to each of `times` [s]."""
     return np.searchsorted((result.time[1:] + result.time[:-1]) / 2, times)
 
 
-def send_series(recording: rr.RecordingStream, result: RunResult, thinning: Thinning, *, number: int, prefix: str = "") -> None:
+def send_series(stream: Stream, result: RunResult, thinning: Thinning, *, number: int, prefix: str = "") -> None:
     """Send all time series of one case.
 
     thinning: what of them is shown. number: which case of the recording it is; it chooses the colour. prefix: what the names of the
     series begin with, where the recording has several cases.
     """
     for name in SAMPLED:
-        _send_signal(recording, result, thinning, name, getattr(result, name), result.time, number, prefix)
+        _send_signal(stream, result, thinning, name, getattr(result, name), result.time, number, prefix)
     middle = result.time[:-1] + np.diff(result.time) / 2
     for name in HELD:
         at_middle = result.evaluate == "stages" and name != "parameters"  # then the sample is the value at mid-step
         _send_signal(
-            recording, result, thinning, name, getattr(result, name), middle if at_middle else result.time[:-1], number, prefix
+            stream, result, thinning, name, getattr(result, name), middle if at_middle else result.time[:-1], number, prefix
         )
     errors = {
         "error": Signal(tracking_error(result), result.output.channels),
         "log10_error": Signal(log10_error(result), result.output.channels),
     }
     for name, error in errors.items():
-        _send_signal(recording, result, thinning, name, error, result.time, number, prefix)
-    send_events(recording, result, errors, prefix=prefix)
+        _send_signal(stream, result, thinning, name, error, result.time, number, prefix)
+    send_events(stream, result, errors, prefix=prefix)
 
 
 def _send_signal(
-    recording: rr.RecordingStream,
+    stream: Stream,
     result: RunResult,
     thinning: Thinning,
     name: str,
@@ -117,7 +103,7 @@ def _send_signal(
     """Send the channels of a signal, those of one unit together.
 
     Args:
-        recording: to which they are sent.
+        stream: to which they are sent.
         result: the run, placed where it stands in the recording.
         thinning: what of them is shown.
         name: of the signal.
@@ -132,10 +118,10 @@ def _send_signal(
         path = unit_path(result.name, name, unit)
         values = signal.values[:, channels]
         rows = thinning.rows(values)
-        send_rows(recording, path, time_columns(rows, times[rows]), values[rows])
+        stream.send_numbers(path, rows, times[rows], values[rows], held=holds)
         unit_label = f"log10 {unit}" if name == "log10_error" else unit
         labels = [f"{prefix}{LABELS[name].format(signal.channels.names[channel])} [{unit_label}]" for channel in channels]
-        _label(recording, path, labels, _colors(name, number, len(channels)), width=_width(name), holds=holds)
+        _label(stream, path, labels, _colors(name, number, len(channels)), width=_width(name), holds=holds)
 
 
 def tracking_error(result: RunResult) -> Array:
@@ -152,22 +138,17 @@ def log10_error(result: RunResult) -> Array:
     return np.log10(np.maximum(np.abs(tracking_error(result)), np.maximum(floor, np.finfo(float).tiny)))
 
 
-def send_events(recording: rr.RecordingStream, result: RunResult, errors: Mapping[str, Signal], *, prefix: str = "") -> None:
+def send_events(stream: Stream, result: RunResult, errors: Mapping[str, Signal], *, prefix: str = "") -> None:
     """Send the events as a text log, and, with their ends, as vertical lines for the plots of output, `errors` and input."""
     if not result.events:
         return
     times = np.array([event.time for event in result.events])
     steps = step_at(result, times)
-    rr.send_columns(
-        entity_path(result.name, "events"),
-        time_columns(steps, times),
-        rr.TextLog.columns(
-            text=[f"{prefix}{event.kind}: {event.text} (t = {event.time:.6g} s)" for event in result.events],
-            level=["ERROR" if event.kind == "end" and result.status == "diverged" else "INFO" for event in result.events],
-        ),
-        recording=recording,
-        strict=True,
+    rows = rr.TextLog.columns(
+        text=[f"{prefix}{event.kind}: {event.text} (t = {event.time:.6g} s)" for event in result.events],
+        level=["ERROR" if event.kind == "end" and result.status == "diverged" else "INFO" for event in result.events],
     )
+    stream.send(entity_path(result.name, "events"), steps, times, rows)
     ends = [event.until for event in result.events if event.until is not None and event.until < result.time[-1]]
     marks = np.sort(np.concatenate([times, ends]))
     for name, signals in (
@@ -177,18 +158,16 @@ def send_events(recording: rr.RecordingStream, result: RunResult, errors: Mappin
     ):
         for unit in channels_by_unit(signals[0]):
             path = entity_path(result.name, "event_lines", name, f"[{unit}]")
-            _send_vertical_lines(recording, path, result, marks, _finite_range(signals, unit))
+            _send_vertical_lines(stream, path, result, marks, _finite_range(signals, unit))
 
 
-def _send_vertical_lines(
-    recording: rr.RecordingStream, path: str, result: RunResult, times: Array, span: tuple[float, float]
-) -> None:
+def _send_vertical_lines(stream: Stream, path: str, result: RunResult, times: Array, span: tuple[float, float]) -> None:
     # Rows at one and the same time are merged by the viewer, so the upper end and the gap after it stand 1 and 2 ns later.
     later = (times[:, np.newaxis] + [0.0, 1e-9, 2e-9]).ravel()
     rows = np.tile([span[0], span[1], np.nan], times.size)[:, np.newaxis]
-    send_rows(recording, path, time_columns(np.repeat(step_at(result, times), 3), later), rows)
+    stream.send_numbers(path, np.repeat(step_at(result, times), 3), later, rows)
     style = rr.SeriesLines(names=["events"], colors=[EVENT_COLOR], widths=[1.0], aggregation_policy="Off")
-    recording.log(path, style, static=True, strict=True)
+    stream.log(path, style)
 
 
 def _finite_range(signals: Sequence[Signal], unit: str) -> tuple[float, float]:
@@ -197,9 +176,7 @@ def _finite_range(signals: Sequence[Signal], unit: str) -> tuple[float, float]:
     return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
 
 
-def _label(
-    recording: rr.RecordingStream, path: str, names: list[str], colors: list[Color], *, width: float = 2.5, holds: bool = False
-) -> None:
+def _label(stream: Stream, path: str, names: list[str], colors: list[Color], *, width: float = 2.5, holds: bool = False) -> None:
     # Where a pixel covers many samples the viewer's default, their mean, would hide short peaks.
     style = rr.SeriesLines(
         names=names,
@@ -208,7 +185,7 @@ def _label(
         interpolation_mode=rr.components.InterpolationMode.StepAfter if holds else rr.components.InterpolationMode.Linear,
         aggregation_policy=rr.components.AggregationPolicy.MinMax if holds else rr.components.AggregationPolicy.MinMaxAverage,
     )
-    recording.log(path, style, static=True, strict=True)
+    stream.log(path, style)
 
 
 def _width(name: str) -> float:

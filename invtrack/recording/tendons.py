@@ -10,7 +10,9 @@ import pyarrow as pa
 import rerun as rr
 from numpy.typing import NDArray
 
+from invtrack.arrays import Array
 from invtrack.recording.shapes import tendon_rgba, to_bytes
+from invtrack.recording.stream import Stream
 
 PULLEY = -2
 """What MuJoCo writes into wrap_obj where a tendon's path is interrupted."""
@@ -78,31 +80,31 @@ def is_path(model: mujoco.MjModel, tendon: int) -> bool:
 
 
 def send_tendon(
-    recording: rr.RecordingStream,
+    stream: Stream,
     path: str,
-    indexes: list[rr.TimeColumn],
-    model: mujoco.MjModel,
-    tendon: int,
+    frames: NDArray[np.int64],
+    times: Array,
+    whose: tuple[mujoco.MjModel, int],
     strips: TendonPath,
 ) -> None:
     """Send a tendon over time.
 
     Args:
-        recording: to which it is sent.
+        stream: to which it is sent.
         path: of the entity.
-        indexes: when the frames stand.
-        model: whose tendon it is.
-        tendon: its number.
+        frames, times: numbers of the samples that are drawn, and their times [s] (F,).
+        whose: the model, and the tendon's number in it.
         strips: where it runs.
     """
+    model, tendon = whose
     style = rr.LineStrips3D.from_fields(
         colors=to_bytes(tendon_rgba(model, tendon)[np.newaxis]), radii=[float(model.tendon_width[tendon])]
     )
-    recording.log(path, style, static=True, strict=True)
+    stream.log(path, style)
     # As Rerun's own conversion, which makes an object of each strip.
     points = rr.components.Position3DBatch(strips.points).as_arrow_array()
     starts = np.concatenate([[0], np.cumsum(strips.points_in_strips)]).astype(np.int32)
     columns = rr.LineStrips3D.columns(
         strips=pa.ListArray.from_arrays(starts, points, type=rr.components.LineStrip3DBatch._ARROW_DATATYPE)
     )
-    rr.send_columns(path, indexes, columns.partition(strips.strips_in_frames), recording=recording, strict=True)
+    stream.send(path, frames, times, columns.partition(strips.strips_in_frames), held=True)
