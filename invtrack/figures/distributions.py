@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from invtrack.arguments import by_name, require_text
+from invtrack.arguments import by_name, items, require_text
 from invtrack.arrays import Array, finite_number, increasing_times, real_numbers, real_vector, whole_number
 from invtrack.errors import InvtrackError
 from invtrack.figures.panels import values_of
@@ -50,7 +50,8 @@ def bands_figure(
     runs = real_numbers("values", values, error=InvtrackError)
     if runs.ndim != 2 or runs.shape[1] != len(times):
         raise InvtrackError(f"expected values (runs, {len(times)}), one for each time, got shape {runs.shape}")
-    shares = sorted((finite_number("a band", band, unit="%", error=InvtrackError) for band in bands), reverse=True)
+    given = items("bands", bands, expected="a list of per cent, such as [50, 90]", error=InvtrackError)
+    shares = sorted((finite_number("a band", band, unit="%", error=InvtrackError) for band in given), reverse=True)
     if not all(0 < share < 100 for share in shares):
         raise InvtrackError(f"expected bands that hold between 0 and 100 % of the runs, got {shares}")
     counted = np.any(np.isfinite(runs), axis=0)

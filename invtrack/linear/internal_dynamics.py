@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from invtrack.arrays import Array, ComplexArray, as_divisor, complex_numbers, finite_number
+from invtrack.arrays import Array, ComplexArray, as_divisor, complex_numbers, finite_number, shown
 from invtrack.errors import ModelError, NonHyperbolicError
 from invtrack.linear.hidden_modes import COUPLING_TOLERANCE, ERROR_GROWTH, zero_kinds
 from invtrack.linear.internal_pencil import InternalPencil, internal_pencil
@@ -240,6 +240,8 @@ def format_zeros(zeros: ArrayLike, size: float = 0.0) -> str:
     values = np.atleast_1d(complex_numbers("zeros", zeros, error=ModelError))
     if values.ndim != 1:
         raise ModelError(f"zeros must be a vector of numbers, got shape {values.shape}")
+    if not np.all(np.isfinite(values)):
+        raise ModelError(f"zeros must be finite numbers, got {shown(zeros)}")
     size, texts = finite_number("size", size, error=ModelError), []
     for zero in values:
         real, imag = (0.0 if abs(part) <= 1e-12 * max(size, abs(zero)) else float(part) for part in (zero.real, zero.imag))
