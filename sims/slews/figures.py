@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ def over_frequency(slew: Slew, method: str, *, timestep: float) -> list[float]:
     return [tried(slew, controller, timestep=timestep, error=error)["residual_vibration"] for error in errors]
 
 
-def frequency_figure(curves: dict[str, Sequence[float]]) -> Any:
+def frequency_figure(curves: Mapping[str, Sequence[float]]) -> Any:
     """Residual vibration over the beam's frequencies."""
     return sweep_figure(
         "Vibration left where the beam's frequencies are not those planned for, payload known and constant",
@@ -39,25 +39,20 @@ def frequency_figure(curves: dict[str, Sequence[float]]) -> Any:
 
 
 def zeros_figure() -> Any:
-    """1 / zero^2 of the undamped beam over the place of the output: it passes through 0 where a pair goes through infinity."""
+    """Time constants of the undamped beam's slowest zeros over the place of the output, those of oscillations below zero."""
     beam = Beam(segments=BEAM.segments, damping=0.0)
     plant = invtrack.Plant.from_xml(beam.mjcf(), inputs=["force"], outputs=beam.station_outputs)
     places = np.linspace(0.0, beam.length, PLACES)
     found = linear.zeros_along(invtrack.linearize(plant), beam.stations, places)
-    squares = [np.sort((1 / values[np.imag(values) + 1e-9 * np.real(values) > 0] ** 2).real) for values in found.zeros]
-    pairs = min(map(len, squares))
-    curves = {f"{name} pair": [1e4 * value for value in column] for name, column in _extremes(squares, pairs).items()}
+    squares = [np.real(1 / values**2) for values in found.zeros]  # -1 / w^2 of a pair +-jw, 1 / a^2 of a pair +-a
     return sweep_figure(
-        "Zeros from the base's force to a place along the beam: below 0 an oscillation, above it +-a",
+        "Slowest zeros from the base's force to a place along the beam",
         label="place along the beam [m]",
         values=places.tolist(),
-        predicted=curves,
+        predicted={
+            "oscillation +-jw, -1/w": [-1e3 * np.sqrt(-min(np.min(each), 0.0)) for each in squares],
+            "real pair +-a, 1/a": [1e3 * np.sqrt(max(np.max(each), 0.0)) for each in squares],
+        },
         measured={},
-        quantity="1 / zero^2 [1e-4 s^2/rad^2]",
+        quantity="time constant [ms]",
     )
-
-
-def _extremes(squares: Sequence[Any], pairs: int) -> dict[str, list[float]]:
-    """The slowest oscillating and real pairs."""
-    names = {"slowest oscillating": lambda s: min(s[0], 0.0), "slowest real": lambda s: max(s[-1], 0.0)}
-    return {name: [float(pick(values)) for values in squares] for name, pick in names.items()} if pairs else {}

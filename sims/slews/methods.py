@@ -22,11 +22,11 @@ SHARE = 0.4  # of the total time, when it is halved: while the tip slows down on
 SERVO = {"position": "base", "frequency": 10.0, "damping": 0.7}
 BAND = 20.0  # [rad/s], of the motion
 WEIGHTS = {"R": 1e-6, "Q_y": 1.0}  # of the redesigns [1 / (N^2 s)], [1 / (m^2 s)]
-TAIL = np.log(100) / 24.5  # [s]: the inverse's input grows, and dies out, with 25 and 24 rad/s: cut off at 1 %
+CUT_OFF = 0.01  # share of the inverse's input at which its time begins and ends
 ACCELERATION = 5.5  # of an S-curve, in units of WAY / duration^2: 4 is bang-bang, 8 has no time of constant acceleration
 SLOWEST = 3  # modes of the loop for which "all modes" are shaped, the servo's own pair among them
 UNCERTAIN = (-0.1, 0.1)  # errors of payload, and of stiffness, that the robust plan is made for
-ROBUST_R = 1e-8  # of the servo's input, which is its stiffness times the command [1 / (N^2 s)]
+ROBUST_R = 1e-7  # of the servo's input, which is its stiffness times the command [1 / (N^2 s)]
 ZPETC_HOLD = 0.02  # [s]
 
 FEEDBACK, PROFILE, S_CURVE = "feedback alone", "profile", "S-curve"
@@ -97,6 +97,16 @@ class Slew:
         """The model of few states that the inverse is made on."""
         return linear.balanced_truncation(self.model, band=BAND, accuracy=0.03)
 
+    @cached_property
+    def within(self) -> invtrack.PiecewiseSignal:
+        """The motion for those who need time before and after it: as long as the inverse's input takes to grow and to die out."""
+        rates = [abs(zero.value.real) for report in self.reduction.zeros_after for zero in report.zeros]
+        tail = -np.log(CUT_OFF) / min(rates)
+        motion = _there_and_back(
+            lambda a, b, T, t: invtrack.rest_to_rest(a, b, duration=T, start_time=t, smoothness=4), self.total - 2 * tail
+        )
+        return motion.shifted(tail)
+
     def controller(self, method: str) -> invtrack.TrackingController:
         """The plan of a method, with the servo around it; it starts at t = 0 and has had its say at `total`."""
         period = ZPETC_HOLD if method == ZPETC else None
@@ -112,7 +122,7 @@ class Slew:
             **{name: partial(self._shaped_for_all, kind) for name, kind in ALL_MODES.items()},
             ZPETC: self._zpetc,
             INVERSE: self._inverse,
-            REDESIGN: lambda: invtrack.quadratic_redesign(self.model, _within(self.total), tolerance=1e-6, **WEIGHTS),
+            REDESIGN: lambda: invtrack.quadratic_redesign(self.model, self.within, tolerance=1e-6, **WEIGHTS),
             ROBUST: self._robust,
         }
         return makers[method]()
@@ -143,11 +153,11 @@ class Slew:
     def _zpetc(self) -> invtrack.Plan:
         """For the payload that it ends with, on the slowest modes of it."""
         reduction = linear.modal_truncation(self.model.systems[1], band=BAND)
-        plan = baselines.approximate_inverse(reduction.reduced, _within(self.total), kind="ZPETC", hold=ZPETC_HOLD)
+        plan = baselines.approximate_inverse(reduction.reduced, self.within, kind="ZPETC", hold=ZPETC_HOLD)
         return plans.lifted(plan, reduction)
 
     def _inverse(self) -> invtrack.Plan:
-        plan = invtrack.invert(self.reduction.reduced, _within(self.total), tolerance=1e-6)
+        plan = invtrack.invert(self.reduction.reduced, self.within, tolerance=1e-6)
         return plans.lifted(plan, self.reduction)
 
     def _robust(self) -> invtrack.Plan:
@@ -159,7 +169,7 @@ class Slew:
             plant = switched([(1 + a) * mass for mass in self.masses], self.instant, stiffness=1 + b)
             closed = plant.map(lambda system: replace(system, A=system.A - system.B @ K))
             loops.append(invtrack.SwitchedSystem(closed, plant.switch_times))
-        plan = invtrack.quadratic_redesign(loops, _within(self.total), R=ROBUST_R, Q_y=WEIGHTS["Q_y"], tolerance=1e-6)
+        plan = invtrack.quadratic_redesign(loops, self.within, R=ROBUST_R, Q_y=WEIGHTS["Q_y"], tolerance=1e-6)
         n = self.model.n_states
         to_force = np.eye(n + 2)
         to_force[n, :n] = -K  # u = v - K x, the model as it is without the servo
@@ -183,11 +193,3 @@ def _s_curve(duration: float) -> invtrack.PiecewiseSignal:
         return references.s_curve(start, end, duration=T, max_acceleration=ACCELERATION * WAY / T**2, start_time=t)
 
     return _there_and_back(leg, duration)
-
-
-def _within(total: float) -> invtrack.PiecewiseSignal:
-    """The tip's motion for those who need time before and after it."""
-    motion = _there_and_back(
-        lambda a, b, T, t: invtrack.rest_to_rest(a, b, duration=T, start_time=t, smoothness=4), total - 2 * TAIL
-    )
-    return motion.shifted(TAIL)
