@@ -29,7 +29,7 @@ def over_frequency(slew: Slew, method: str, *, timestep: float) -> list[float]:
 def frequency_figure(curves: Mapping[str, Sequence[float]]) -> Any:
     """Residual vibration over the beam's frequencies."""
     return sweep_figure(
-        "Vibration left where the beam's frequencies are not those planned for, payload known and constant",
+        "Vibration left where the beam's frequencies are others than planned",
         label="frequencies, real over planned",
         values=FREQUENCIES,
         predicted={},

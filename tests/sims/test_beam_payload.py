@@ -1,4 +1,4 @@
-"""What the slews of a beam must leave with the right model; the script as a user runs it, cut down to two cases."""
+"""What the slews of a beam must leave with the right model; the script as a user runs it, cut down to one case."""
 
 from __future__ import annotations
 
@@ -35,14 +35,10 @@ def test_with_the_right_model_shapers_of_all_modes_and_the_inverse_leave_next_to
 
 
 def test_the_script_measures_in_mujoco_what_its_linear_model_predicts(tmp_path: Path, slews: Any) -> None:
-    chosen = [word for case in ("profile", "redesign") for word in ("--case", case)]
-    summary = summary_of("beam_payload", tmp_path, *chosen, timestep=STEP, says="the payload halved after 1.2 s")
+    summary = summary_of("beam_payload", tmp_path, "--case", "redesign", timestep=STEP, says="the payload halved after 1.2 s")
     methods, measures = slews
     slew = methods.Slew((0.5, 0.25), 3.0)
-    cases = summary["cases"]
-    assert set(cases) == {"profile", "redesign"}
-    for name, numbers in cases.items():
-        expected = measures.tried(slew, slew.controller(name), timestep=STEP)
-        for key in ("residual_vibration", "residual_energy", "peak_input", "peak_strain"):
-            assert numbers[key] == pytest.approx(expected[key], rel=0.05), (name, key)
-    assert cases["redesign"]["residual_vibration"] < 0.1 * cases["profile"]["residual_vibration"]
+    assert set(summary["cases"]) == {"redesign"}
+    expected = measures.tried(slew, slew.controller("redesign"), timestep=STEP)
+    for key in ("residual_vibration", "residual_energy", "peak_input", "peak_strain"):
+        assert summary["cases"]["redesign"][key] == pytest.approx(expected[key], rel=0.05), key
