@@ -11,6 +11,7 @@ import scipy.linalg
 
 from invtrack.arrays import Array
 from invtrack.errors import BoundednessError, CompatibilityError
+from invtrack.linear.state_sizes import unit_ratios
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.preview.chain_driven import ChainDriven
 from invtrack.preview.output_chain import OutputChain
@@ -143,7 +144,11 @@ class PreviewLaw:
         shift[: self.plant.n_states] = self.plant.shifts[k]
         Delta = np.column_stack([before.J_zeta - after.J_zeta, shift - before.J_zeta @ before.rest + after.J_zeta @ after.rest])
         J = np.hstack([before.system.forward.J, before.system.backward.J, Delta])
-        self._require_compatible(k, after.system.T[:rho], J)
+        if rho:  # what is continuous is then the state alone
+            uncancelled = np.abs(before.J_zeta) + np.abs(after.J_zeta), np.abs(before.J_zeta @ before.rest) + np.abs(shift)
+            sizes = np.column_stack([np.abs(J[:, : -Delta.shape[1]]), *uncancelled])
+            likely = np.max(unit_ratios(self.plant)[:, :, None] * sizes, axis=1)
+            self._require_compatible(k, np.abs(after.system.T[:rho] @ J), np.abs(after.system.T[:rho]) @ likely)
         T_f, T_b = after.system.T[rho : rho + n_f], after.system.T[rho + n_f :]
         asked = T_b - Phi @ T_f
         M = asked @ before.system.backward.J
@@ -153,8 +158,8 @@ class PreviewLaw:
         back, ahead, offset = np.split(solved, [len(M), len(M) + before.system.forward.size], axis=1)
         return Junction(T_f @ J, ahead, back, offset, back @ Q + offset)
 
-    def _require_compatible(self, k: int, prescribed: Array, J: Array) -> None:
-        miss, terms = np.abs(prescribed @ J), np.abs(prescribed) @ np.abs(J)
+    def _require_compatible(self, k: int, miss: Array, terms: Array) -> None:
+        """Raises CompatibilityError for rows of what is prescribed that miss by more than rounding of their terms."""
         if np.any(miss > CONSISTENT * terms):
             raise CompatibilityError(
                 f"the outputs and their derivatives are other functions of the state after the jump at "

@@ -57,9 +57,9 @@ class News:
 
     def _edges(self, updates: Indices) -> Array:
         """Edges [s] of the cells of what each update gets to know (k, c + 1), cut at the jumps of the plant."""
-        begins: Array = self.start + self.period * updates.astype(float) + (self.preview - self.period)
+        begins = self.start + self.period * updates + (self.preview - self.period)
         times = self.law.plant.switch_times
-        first, last = (np.searchsorted(times, begins, side="right"), np.searchsorted(times, begins + self.period))
+        first, last = times.searchsorted(begins, side="right"), times.searchsorted(begins + self.period, side="left")
         most = int(np.max(last - first, initial=0))
         cuts = np.empty((len(updates), most + 2))
         cuts[:, 0], cuts[:, -1] = begins, begins + self.period
