@@ -6,6 +6,7 @@ python benchmarks/benchmark.py --quick    # a tenth of the sizes
 
 from __future__ import annotations
 
+import functools
 import itertools
 import subprocess
 import sys
@@ -89,6 +90,7 @@ def main(quick: bool = False, turns: int = 5) -> None:
     methods_over_jumps([1, 10, 100, 1000] if not quick else [1, 10, 100], turns)
     limits_over_steps([0.04, 0.02, 0.01] if not quick else [0.08, 0.04], turns)
     linearization(turns)
+    preview_updates(int(2000 * share))
 
 
 SIMS = Path(__file__).parents[1] / "sims"
@@ -400,6 +402,54 @@ def linearization(turns: int) -> None:
     }
     columns = [Column("linearize", "ms", "ours"), Column("mjd_transitionFD", "ms", "theirs"), Column("ratio")]
     print_table("Linearization", columns=columns, rows=rows, row_header="model")
+
+
+CONTROL_PERIOD = 0.01  # [s]
+
+
+def preview_updates(updates: int) -> None:
+    """Updates of a planner that looks 20 s ahead, every 10 ms, against planning afresh for what is known, in turns."""
+    beam = cantilever()
+    jumping = invtrack.SwitchedSystem(
+        [invtrack.linearize(beam, tip_mass=mass) for mass in (0.0, 100.0, 10.0)], [0.5 * np.pi, 1.5 * np.pi]
+    )
+    weights = {"R": 1e-5, "Q_y": 1.0}
+    machines = {
+        "two-disc rig": (invtrack.StateSpace(*TWO_DISC), invtrack.rest_to_rest(0.0, 1.0, duration=5.0), {"R": 1.0, "Q_y": 1.0}),
+        "cantilever through jumps": (jumping, invtrack.raised_cosine(2.0), weights),
+    }
+    rows: dict[str, dict[str, Cell]] = {}
+    for name, (model, reference, weight) in machines.items():
+        for method in ("inversion", "redesign"):
+            times = {"preview": 20.0, "period": CONTROL_PERIOD, "start": -20.0}
+            if method == "inversion":
+                planner = invtrack.preview.inversion_planner(model, **times)
+                afresh = functools.partial(invtrack.invert, model, reference)
+            else:
+                planner = invtrack.preview.redesign_planner(model, **times, **weight)
+                afresh = functools.partial(invtrack.quadratic_redesign, model, reference, **weight)
+            pairs, done = [], []
+            for number in range(updates):
+                begin = time.perf_counter()
+                planner.update(reference)
+                done.append(time.perf_counter() - begin)
+                if number % (updates // 10) == 0:
+                    begin = time.perf_counter()
+                    afresh()
+                    pairs.append([done[-1], time.perf_counter() - begin])
+            rows[f"{name}, {method}"] = {
+                "update": 1e3 * median(done),
+                "slowest": 1e3 * float(np.quantile(done, 0.99)),
+                "share": median(done) / CONTROL_PERIOD,
+                "ratio": compared(pairs).ratio,
+            }
+    columns = [Column("update", "ms"), Column("99 of 100 below", "ms", "slowest"), Column("of the period", key="share")]
+    print_table(
+        f"Updates of a planner that looks 20 s ahead, every {1e3 * CONTROL_PERIOD:g} ms",
+        columns=[*columns, Column("ratio to planning afresh", key="ratio")],
+        rows=rows,
+        row_header="planner",
+    )
 
 
 def cantilever() -> invtrack.Plant:

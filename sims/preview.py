@@ -14,9 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+import tyro
 from hover.aircraft import helicopter, sidestep_and_descent
 from two_disc.rig import WEIGHTS, rig, slew
 
@@ -96,7 +97,15 @@ class Machine:
         }
 
 
-def build(options: StudyOptions) -> Setup:
+@dataclass(frozen=True, kw_only=True)
+class PreviewOptions(StudyOptions):
+    """Options of the study."""
+
+    ahead: Annotated[tuple[float, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="S")] = ()
+    """Look so many seconds ahead; may be given several times. Times of each machine's own unless given."""
+
+
+def build(options: PreviewOptions) -> Setup:
     machines = {"cantilever": cantilever(), "helicopter": hovering(), "two_disc_redesign": two_disc()}
     return Setup(
         [
@@ -110,7 +119,7 @@ def build(options: StudyOptions) -> Setup:
             for name, machine in machines.items()
         ],
         sweeps={
-            f"{name}{SWEEP}": {f"{ahead:g} s": partial(machine.row, ahead) for ahead in machine.previews}
+            f"{name}{SWEEP}": {f"{ahead:g} s": partial(machine.row, ahead) for ahead in options.ahead or machine.previews}
             for name, machine in machines.items()
         },
         figures={f"{name}{SWEEP}": partial(_figure, name) for name in machines},
@@ -203,7 +212,7 @@ def _figure(name: str, done: Session) -> Any:
     )
 
 
-STUDY = Study("preview", build, description=__doc__, defaults=StudyOptions(timestep=5e-3))
+STUDY = Study("preview", build, description=__doc__, defaults=PreviewOptions(timestep=5e-3))
 
 if __name__ == "__main__":
     STUDY.main()

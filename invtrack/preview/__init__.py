@@ -4,6 +4,7 @@ from invtrack.preview.bound import PreviewBound, preview_bound
 from invtrack.preview.inversion import inversion_planner, preview_inversion
 from invtrack.preview.planner import Foreseen, PlanPiece, PreviewPlanner
 from invtrack.preview.redesign import preview_redesign, redesign_planner
+from invtrack.preview.stop import stop
 from invtrack.preview.worst_reference import WorstReference
 
 __all__ = [
@@ -17,4 +18,5 @@ __all__ = [
     "preview_inversion",
     "preview_redesign",
     "redesign_planner",
+    "stop",
 ]

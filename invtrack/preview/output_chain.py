@@ -8,9 +8,10 @@ from functools import cached_property
 
 import numpy as np
 import scipy.linalg
+from numpy.typing import ArrayLike
 
-from invtrack.arrays import Array
-from invtrack.errors import RelativeDegreeError, TrajectoryError
+from invtrack.arrays import Array, real_numbers, shown
+from invtrack.errors import PlanError, RelativeDegreeError, TrajectoryError
 from invtrack.linear.normal_form import normal_form
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.references.generator import Generator
@@ -87,3 +88,11 @@ class OutputChain:
                     f"of it is its derivative of order {order}; its derivative of order {found} jumps. Smooth it, for instance "
                     "with invtrack.rest_to_rest or invtrack.sampled_reference"
                 )
+
+
+def held_outputs(name: str, value: ArrayLike, plant: SwitchedSystem) -> Array:
+    """One value for each output (p,), or a number for a single one; raises PlanError for anything else."""
+    values = np.atleast_1d(real_numbers(name, value, error=PlanError))
+    if values.shape != (plant.n_outputs,) or not np.all(np.isfinite(values)):
+        raise PlanError(f"{name} must be one finite value for each of the outputs {list(plant.outputs.names)}, got {shown(value)}")
+    return values

@@ -18,6 +18,7 @@ from invtrack.plans.trajectory import TwoSidedSegments
 from invtrack.preview.horizon import Horizon
 from invtrack.preview.known import Deviations, Stretch, state_at, stretches
 from invtrack.preview.law import PreviewLaw
+from invtrack.preview.output_chain import held_outputs
 from invtrack.references.profiles import constant
 from invtrack.references.signal import JUMP_TOLERANCE, PiecewiseSignal, finite_times
 
@@ -155,9 +156,7 @@ class PreviewPlanner:
         start = finite_number("start", start, unit="s", error=PlanError)
         plant = law.plant
         first = int(np.searchsorted(plant.switch_times, start, side="right"))
-        y_0 = plant.rest_outputs[first] if held is None else np.asarray(constant(held, at=start)(start))
-        if y_0.shape != (plant.n_outputs,):
-            raise PlanError(f"held must be one value for each of the outputs {list(plant.outputs.names)}, got {y_0.tolist()}")
+        y_0 = plant.rest_outputs[first] if held is None else held_outputs("held", held, plant)
         self._count, self._number = count, 0
         self._deviations = Deviations(law)
         zeta = np.append(law.chain.at_rest(y_0), 1.0)
@@ -195,6 +194,23 @@ class PreviewPlanner:
     def foreseen(self) -> Foreseen:
         """What is foreseen for the next update."""
         return Foreseen(int(self.law.plant.interval(self.time)), self._z_f, self._phi)
+
+    def present(self) -> Samples:
+        """State, input and outputs that are foreseen for `time`, each one row."""
+        law, ahead = self.law, self.foreseen
+        each, (n, m) = law.intervals[ahead.interval], (law.plant.n_states, law.plant.n_inputs)
+        zeta, chi = self._horizon.zeta[:-1], np.zeros(law.plant.n_outputs)
+        if self._cells:
+            first = self._cells[0][0]
+            zeta, chi = first.carrier.zeta @ first.w_start + each.rest, first.carrier.chi @ first.w_start
+        Phi = law.slope(ahead.interval, self.time)
+        z_f = ahead.z_f if self._x is None else law.forward_state(ahead.interval, Phi, self._x, ahead.phi, zeta)
+        z_b = ahead.phi if Phi is None else Phi @ z_f + ahead.phi
+        values = each.columns[0] @ z_f + each.columns[1] @ z_b + each.X_zeta @ (zeta - each.rest) + each.X_chi @ chi
+        point = each.plant.operating_point
+        x, u, y = np.split(values + np.concatenate([each.plant.rest, point.u0, point.y0]), [n, n + m])
+        y_d = zeta[law.chain.values]
+        return Samples(np.array([self.time]), x[np.newaxis], u[np.newaxis], y[np.newaxis], y_d[np.newaxis])
 
     def update(self, reference: PiecewiseSignal | None = None) -> PlanPiece:
         """The plan for the next period, from `time` to `time` + period.

@@ -87,5 +87,5 @@ def test_a_weight_that_asks_for_nothing_is_refused() -> None:
 
 
 def test_outputs_that_do_not_fit_are_refused() -> None:
-    with pytest.raises(PlanError, match="held must be one value for each of the outputs"):
+    with pytest.raises(PlanError, match="held must be one finite value for each of the outputs"):
         redesign_planner(two_disc(), R=1.0, Q_y=1.0, preview=1.0, period=0.1, held=[0.0, 1.0])

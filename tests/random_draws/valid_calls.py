@@ -681,6 +681,16 @@ def _calls() -> dict[str, Call]:
             tolerance=1e-8,
             max_postactuation=5.0,
         ),
+        "stop": call(
+            preview.stop,
+            planner=preview.inversion_planner(antistable, preview=0.5, period=0.1),
+            R=1.0,
+            Q_x=0.0,
+            Q_y=1.0,
+            at=[1.0],
+            state=[0.1, 0.2],
+            tolerance=1e-8,
+        ),
         # studies
         "StudyOptions": call(studies.StudyOptions, out=None, timestep=1e-3, case=(), seed=0, json=False, quiet=True, figures=False),
         "Column": call(studies.Column, name="max error", unit="m", key="max_error"),
