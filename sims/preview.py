@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Annotated, Any
 
 import numpy as np
@@ -37,11 +37,11 @@ COLUMNS = (
     Column("share of bound", "1"),
     Column("rate", "1/s"),
     Column("constant", "of motion"),
-    Column("peak input", "of exact"),
+    Column("peak input", "of complete"),
 )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Machine:
     """A mechanism, its motion, and plans for it that look a stated time ahead.
 
@@ -52,7 +52,7 @@ class Machine:
         previews: how far ahead [s].
         period: between updates [s].
         planner, plan: made for a preview and a period.
-        complete: the plan that knows everything.
+        completely: makes the plan that knows everything.
         bound: of a planner.
         exact: whether the plan's output is to be the wanted one, and not that of the complete plan.
     """
@@ -66,8 +66,13 @@ class Machine:
     period: float
     planner: Callable[..., preview.PreviewPlanner]
     plan: Callable[..., invtrack.Plan]
-    complete: invtrack.Plan
+    completely: Callable[..., invtrack.Plan]
     exact: bool = True
+
+    @cached_property
+    def complete(self) -> invtrack.Plan:
+        """The plan that knows everything."""
+        return self.completely(self.model, self.reference, tolerance=TOLERANCE)
 
     def controller(self, ahead: float) -> invtrack.TrackingController:
         """Around the plan that looks `ahead` [s]."""
@@ -85,7 +90,7 @@ class Machine:
         measured, most = float(np.max(np.abs(run.output.values - wanted)[:, i])), float(bound.of(self.reference)[i])
         inputs = run.applied.values - self.complete.rest_inputs[0]
         low, high = self.complete.input_range
-        exact = np.max(np.abs(np.array([low, high]) - self.complete.rest_inputs[0]), axis=0)
+        complete = np.max(np.abs(np.array([low, high]) - self.complete.rest_inputs[0]), axis=0)
         return {
             "preview": ahead,
             "measured": measured / motion,
@@ -93,7 +98,7 @@ class Machine:
             "share_of_bound": measured / most,
             "rate": bound.alpha,
             "constant": most / motion * float(np.exp(bound.alpha * ahead)),
-            "peak_input": float(np.max(np.abs(inputs) / exact)),
+            "peak_input": float(np.max(np.abs(inputs) / complete)),
         }
 
 
@@ -129,7 +134,7 @@ def build(options: PreviewOptions) -> Setup:
                 for name in machines
             ),
             "bound: for every reference whose derivatives are as large as this one's; it falls as constant exp(-rate preview).\n"
-            "two_disc_redesign: against the redesign that knows the whole reference.",
+            "two_disc_redesign: against the redesign that knows the whole reference. peak input: of the plan that knows it.",
         ],
     )
 
@@ -154,7 +159,7 @@ def cantilever() -> Machine:
         period=0.25,
         planner=preview.inversion_planner,
         plan=preview.preview_inversion,
-        complete=invtrack.invert(model, reference, tolerance=TOLERANCE),
+        completely=invtrack.invert,
     )
 
 
@@ -172,7 +177,7 @@ def hovering() -> Machine:
         period=0.25,
         planner=preview.inversion_planner,
         plan=preview.preview_inversion,
-        complete=invtrack.invert(model, reference, tolerance=TOLERANCE),
+        completely=invtrack.invert,
     )
 
 
@@ -190,7 +195,7 @@ def two_disc() -> Machine:
         period=0.25,
         planner=partial(preview.redesign_planner, **WEIGHTS),
         plan=partial(preview.preview_redesign, **WEIGHTS),
-        complete=invtrack.quadratic_redesign(model, reference, **WEIGHTS, tolerance=TOLERANCE),
+        completely=partial(invtrack.quadratic_redesign, **WEIGHTS),
         exact=False,
     )
 
