@@ -15,7 +15,7 @@ from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import drive_units
 from invtrack.plans.two_sided_problem import Pieces, two_sided_trajectory
 from invtrack.preview.law import PreviewLaw
-from invtrack.preview.planner import Foreseen, PlanPiece, PreviewPlanner
+from invtrack.preview.planner import Foreseen, PlanPiece, PreviewPlanner, positive_time
 from invtrack.references.generator import constant_generator
 from invtrack.references.signal import PiecewiseSignal
 
@@ -40,6 +40,7 @@ def driven_plan(
         preview, period: see PreviewPlanner.
         tolerance, max_postactuation: see PlanningProblem.
     """
+    preview, period = positive_time("preview", preview), positive_time("period", period)
     problem = PlanningProblem.of(law.plant, reference, tolerance=tolerance, max_postactuation=max_postactuation)
     _require_held(reference)
     (T_i, T_f), held = problem.manoeuvre, reference(reference.breakpoints[0], inside=reference.breakpoints[0] - 1.0)

@@ -105,7 +105,7 @@ class Horizon:
             powers = self._powers[id(self._law.intervals[interval])]
             psi = run.psi[first - run.origin : run.stop - run.origin]
             n_b = len(phi)
-            phi = phi @ powers[count] + psi.ravel() @ powers[:count].reshape(-1, n_b)
+            phi = phi @ powers[count] + psi.ravel() @ powers[:count].reshape(count * n_b, n_b)
         now = int(np.searchsorted(self._law.plant.switch_times, self.time(number), side="right"))
         return self._back(phi, interval, now)
 

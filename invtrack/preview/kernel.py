@@ -23,7 +23,7 @@ PER_RADIAN = 6.0
 MOST_INSTANTS = 3000
 """Instants around the jumps of a plant, at most, at which it is looked for."""
 
-MOST_PHASES = 64
+MOST_PHASES = 32
 """Instants within a period, at most."""
 
 CHANGES = 32

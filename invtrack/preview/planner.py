@@ -144,8 +144,8 @@ class PreviewPlanner:
             preview, period, start, held: see `inversion_planner`.
         """
         self.law = law
-        self.period = _positive("period", period)
-        self.preview = _positive("preview", preview)
+        self.period = positive_time("period", period)
+        self.preview = positive_time("preview", preview)
         count = round(min(self.preview / self.period, 2.0 * MOST_PERIODS))
         if count < 1 or count > MOST_PERIODS or abs(self.preview - count * self.period) > WHOLE * self.period:
             nearest = max(1, min(count, MOST_PERIODS)) * self.period
@@ -315,7 +315,8 @@ class PreviewPlanner:
         self._cells.append(cell)
 
 
-def _positive(name: str, value: float) -> float:
+def positive_time(name: str, value: float) -> float:
+    """The time [s]; raises PlanError unless it is positive and finite."""
     number = real_number(name, value, unit="s", error=PlanError)
     if not (0 < number < np.inf):
         raise PlanError(f"{name} must be positive and finite, got {value}")
