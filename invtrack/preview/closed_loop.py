@@ -129,7 +129,7 @@ class Remembered:
             result[chosen] = rows @ onward[updates[chosen] - first]
             if not k or of[0] == k:
                 return result
-            rows = rows @ loop.transitions(k, np.array([times[k] - times[k - 1]]))[0]
+            rows = rows @ self._across[k]
         return result
 
     def _table(self, interval: int, phase: float) -> Array:
@@ -144,6 +144,12 @@ class Remembered:
     @cached_property
     def _tables(self) -> dict[tuple[int, float], Array]:
         return {}
+
+    @cached_property
+    def _across(self) -> dict[int, Array]:
+        """exp(A L) (n, n) over each interval between two jumps."""
+        lengths = np.diff(self.loop.switch_times)
+        return {k: self.loop.transitions(k, lengths[k - 1 : k])[0] for k in range(1, len(lengths) + 1)}
 
     @cached_property
     def _until_jump(self) -> list[tuple[int, Array]]:

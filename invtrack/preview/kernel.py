@@ -12,7 +12,7 @@ from invtrack.arrays import Array, Indices
 from invtrack.errors import PlanError
 from invtrack.preview.closed_loop import FORGOTTEN, Loop, Remembered
 from invtrack.preview.law import PreviewLaw
-from invtrack.preview.news import NODES, SHARES, News, fastest_ahead, panels_within, sensitivities
+from invtrack.preview.news import NODES, SHARES, News, panels_within, sensitivities
 
 MOST_VALUES = 4 * 10**6
 """Values under an integral, at most: with more the period is too short beside the memory of the loop."""
@@ -20,11 +20,14 @@ MOST_VALUES = 4 * 10**6
 PER_RADIAN = 6.0
 """Instants per radian of the loop's fastest mode at which the largest error is looked for."""
 
-MOST_INSTANTS = 3000
+MOST_INSTANTS = 1500
 """Instants around the jumps of a plant, at most, at which it is looked for."""
 
 MOST_PHASES = 32
 """Instants within a period, at most."""
+
+MOST_PANELS = 10**5
+"""Panels of what lies ahead, at most."""
 
 CHANGES = 32
 """Instants around the jumps at which the changes of a plan are looked for."""
@@ -168,10 +171,24 @@ class Kernel:
 
     def _ahead(self, time: float) -> tuple[Array, Array]:
         """Nodes from a time on until all has faded, and the widths of their cells [s]."""
-        if not (pace := fastest_ahead(self.law)):
-            return np.zeros(0), np.zeros(0)
-        length = -math.log(FORGOTTEN) / self.alpha
-        panels = math.ceil(length * pace)
-        width = length / panels
-        nodes = (np.arange(panels)[:, None] + (NODES + 1) / 2) * width
-        return time + nodes.ravel(), np.tile(SHARES / 2 * width, panels)
+        starts, widths = self._panels_ahead
+        nodes = starts[:, None] + widths[:, None] * (NODES + 1) / 2
+        return time + nodes.ravel(), (widths[:, None] * SHARES / 2).ravel()
+
+    @cached_property
+    def _panels_ahead(self) -> tuple[Array, Array]:
+        """Starts, from where they are counted, and widths [s] of panels, each a radian of the fastest mode that is left there."""
+        modes = np.concatenate([np.linalg.eigvals(each.system.backward.A) for each in self.law.intervals])
+        faded, paces = -math.log(FORGOTTEN) / np.maximum(modes.real, self.alpha), np.abs(modes)
+        starts: list[float] = []
+        end = 0.0
+        while np.any(faded > end):
+            if len(starts) > MOST_PANELS:
+                raise PlanError(
+                    f"what lies ahead fades at {self.alpha:.3g} 1/s only, so slowly beside the modes' {np.max(paces):.3g} rad/s that "
+                    "a bound would take too long; move such zeros (invtrack.modified_inversion), or plan with the whole reference"
+                )
+            starts.append(end)
+            end += 1 / float(np.max(paces[faded > end]))
+        edges = np.array([*starts, end])
+        return edges[:-1], np.diff(edges)

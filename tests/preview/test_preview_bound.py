@@ -177,6 +177,14 @@ def test_units_scale_it() -> None:
     assert other.gain == pytest.approx(bound.gain * 1e6, rel=1e-6)
 
 
+def test_zeros_too_near_the_axis_are_refused() -> None:
+    """y' = eta_1 + eta_2 - y + u, eta' = N eta + y with the zeros 1e-6 +- 2j: what lies ahead counts for months."""
+    A = np.array([[-1.0, 1.0, 1.0], [1.0, 1e-6, 2.0], [1.0, -2.0, 1e-6]])
+    model = StateSpace(A, np.eye(3)[:, :1], np.eye(3)[:1])
+    with pytest.raises(PlanError, match="what lies ahead fades at 1e-06 1/s only"):
+        preview_bound(inversion_planner(model, preview=1.0, period=0.1), invtrack.lqr(model, Q=1.0, R=1.0))
+
+
 def test_what_does_not_fit_is_refused() -> None:
     model = two_disc()
     inversion, redesign = (
