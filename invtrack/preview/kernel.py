@@ -185,7 +185,7 @@ class Kernel:
         while np.any(faded > end):
             if len(starts) > MOST_PANELS:
                 raise PlanError(
-                    f"what lies ahead fades at {self.alpha:.3g} 1/s only, so slowly beside the modes' {np.max(paces):.3g} rad/s that "
+                    f"what lies ahead fades at {self.alpha:.3g} 1/s only, so slowly beside modes of {np.max(paces):.3g} rad/s that "
                     "a bound would take too long; move such zeros (invtrack.modified_inversion), or plan with the whole reference"
                 )
             starts.append(end)
