@@ -2,7 +2,8 @@
 
 from invtrack.preview.bound import PreviewBound, preview_bound
 from invtrack.preview.inversion import inversion_planner, preview_inversion
-from invtrack.preview.planner import Foreseen, PlanPiece, PreviewPlanner
+from invtrack.preview.plan_piece import PlanPiece
+from invtrack.preview.planner import Foreseen, PreviewPlanner
 from invtrack.preview.redesign import preview_redesign, redesign_planner
 from invtrack.preview.stop import stop
 from invtrack.preview.worst_reference import WorstReference

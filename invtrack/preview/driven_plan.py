@@ -15,7 +15,8 @@ from invtrack.plans.trajectory import Trajectory
 from invtrack.plans.two_sided import drive_units
 from invtrack.plans.two_sided_problem import Pieces, two_sided_trajectory
 from invtrack.preview.law import PreviewLaw
-from invtrack.preview.planner import Foreseen, PlanPiece, PreviewPlanner, positive_time
+from invtrack.preview.plan_piece import PlanPiece
+from invtrack.preview.planner import Foreseen, PreviewPlanner, positive_time
 from invtrack.references.generator import constant_generator
 from invtrack.references.signal import PiecewiseSignal
 
