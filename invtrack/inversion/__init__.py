@@ -8,12 +8,8 @@ from invtrack.inversion.modified.error_bound import error_bound
 from invtrack.inversion.modified.modified_inversion import Modification, ModifiedTrajectory, modified_inversion
 from invtrack.inversion.modified.modified_motion import ModifiedMotion
 from invtrack.inversion.modified.modified_plan import ModifiedPlan
-from invtrack.inversion.modified.preactuation_trade_off import (
-    TradeOff,
-    TradeOffPoint,
-    preactuation_trade_off,
-    tune_modified_inversion,
-)
+from invtrack.inversion.modified.preactuation_trade_off import preactuation_trade_off, tune_modified_inversion
+from invtrack.inversion.modified.trade_off import TradeOff, TradeOffPoint
 from invtrack.inversion.no_preactuation import causal_inverse, steady_state_feedforward
 from invtrack.inversion.nonlinear.certificate import MotionChecks
 from invtrack.inversion.nonlinear.newton import Iteration

@@ -18,8 +18,8 @@ from invtrack.inversion.modified.default_error_poles import default_error_poles
 from invtrack.inversion.modified.design import least_error_design, robust_design
 from invtrack.inversion.modified.design_problem import Candidate, DesignProblem
 from invtrack.inversion.modified.modified_dynamics import equilibrium, has_equilibrium, undivided_dynamics
-from invtrack.inversion.modified.modified_motion import modified_motion
 from invtrack.inversion.modified.modified_plan import ModifiedPlan, costly, output_sizes, wanted_motion
+from invtrack.inversion.modified.motion_planner import motion_planner
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named, require_movable
 from invtrack.inversion.modified.placement import MovablePart, movable_part
 from invtrack.inversion.motion_options import checked_motion_options, require_no_schedule
@@ -146,19 +146,21 @@ def modified_inversion(
     wish = Wish(move, axis_distance, real_part)
     schedule, moving = checked_motion_options(schedule, accuracy, progress), mechanism(model)
     if moving is not None:
-        _require_linear_options_unused(error_poles, interval, design)
-        return modified_motion(
+        _, planned = motion_planner(
             moving,
             reference,
-            wish,
+            error_poles=error_poles,
+            interval=interval,
+            design=design,
             output_scale=output_scale,
-            schedule=schedule,
-            accuracy=accuracy,
             tolerance=tolerance,
             max_preactuation=max_preactuation,
             max_postactuation=max_postactuation,
+            schedule=schedule,
+            accuracy=accuracy,
             progress=progress,
         )
+        return planned(wish)
     require_no_schedule(schedule)
     planning = PlanningProblem.of(
         model, reference, tolerance=tolerance, max_preactuation=max_preactuation, max_postactuation=max_postactuation
@@ -200,19 +202,6 @@ def modified_inversion(
     )
     remark = costly(plan, output_sizes(None, motion))
     return replace(plan, remarks=(*plan.remarks, *remark)) if remark else plan
-
-
-def _require_linear_options_unused(
-    error_poles: Sequence[complex] | None, interval: int | Sequence[int] | None, design: Design
-) -> None:
-    """Raises InversionError for options of the linear law in a call for a Plant."""
-    for name, given, reason in (
-        ("error_poles", error_poles, "its outputs are bent, not driven by a law whose errors have poles"),
-        ("interval", interval, "outputs are bent around its whole motion, through changes of its parameters"),
-        ("design", None if design == "least error" else design, "of all bends the least one is taken"),
-    ):
-        if given is not None:
-            raise InversionError(f"{name} is for linear models; a Plant is planned for as it moves, and {reason}: leave {name} out")
 
 
 def _choices(

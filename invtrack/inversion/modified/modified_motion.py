@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -20,9 +19,8 @@ from invtrack.inversion.nonlinear.linearizations import linearizations_along
 from invtrack.inversion.nonlinear.problem import MotionProblem
 from invtrack.inversion.nonlinear.solver import MotionSolver, Solution
 from invtrack.inversion.nonlinear.stable_inversion import ON_AXIS, MotionPlan, checked_limits, confirmed
-from invtrack.linear.internal_dynamics import format_zeros, internal_dynamics
+from invtrack.linear.internal_dynamics import format_zeros
 from invtrack.plans.actuation import ringing
-from invtrack.plans.dynamics import Mechanism, ScheduledChange
 from invtrack.plans.problem import actuation_times, left_out_of
 from invtrack.plans.ringing import LEVEL
 from invtrack.references.profiles import constant
@@ -67,38 +65,33 @@ class ModifiedMotion(ModifiedPlan, MotionPlan):
 
 
 def modified_motion(
-    mechanism: Mechanism,
-    reference: PiecewiseSignal,
+    problem: MotionProblem,
     wish: Wish,
     *,
     output_scale: ArrayLike | None = None,
-    schedule: Sequence[ScheduledChange] = (),
     accuracy: float = 1e-8,
     tolerance: float = 1e-10,
     max_preactuation: float | None = None,
     max_postactuation: float | None = None,
     progress: Progress | None = None,
 ) -> ModifiedMotion:
-    """A motion of a mechanism near `reference` in which chosen zeros are at rest before and after it.
+    """A motion of a mechanism near the wanted one in which chosen zeros are at rest before and after it.
 
     f(x, u) = x', h(x, u) = y_d + sum_j a_j phi_j for B-splines phi_j in a window of time, with the least such bend that leaves what
     belongs to these zeros at rest outside of the window: their unstable part before it, their stable part after it. Newton's steps
     are those of stable inversion, bordered by as many rows as zeros are moved. See `invtrack.modified_inversion`.
 
     Args:
-        mechanism: at an equilibrium in which the reference begins.
-        reference: from rest to rest, absolute.
+        problem: mechanism, wanted outputs, changes.
         wish: which zeros are moved, and where to.
         output_scale: sizes at which errors of the outputs count alike (p,), or one for all.
-        schedule: changes of the mechanism's parameters.
         accuracy: largest output error, beside the bend, between the points where outputs are matched, as a share of the motion.
         tolerance: what counts as rest, as a share of peaks.
         max_preactuation, max_postactuation: limit these [s].
         progress: called with the share of the motion that has been found.
     """
     limits = checked_limits(accuracy, tolerance, max_preactuation, max_postactuation)
-    problem = MotionProblem.of(mechanism, reference, schedule)
-    start, end = (internal_dynamics(problem.linear_models[k]) for k in (0, -1))
+    start, end, reference = problem.internal_at_start, problem.internal_at_end, problem.reference
     wish.require_known(start.zeros)
     moved, places = wish.named(start.zeros)
     require_movable(problem.linear_models[0], start, moved, interval=0, endless=False)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -14,15 +13,15 @@ from invtrack.errors import InversionError
 from invtrack.inversion.modified.modified_inversion import modified_inversion
 from invtrack.inversion.modified.modified_motion import ModifiedMotion
 from invtrack.inversion.modified.modified_plan import ModifiedPlan
+from invtrack.inversion.modified.motion_planner import motion_planner
 from invtrack.inversion.modified.moved_zeros import Wish, intervals_named
+from invtrack.inversion.modified.trade_off import TradeOff, TradeOffPoint
 from invtrack.inversion.modified.tuned_motion import motion_within_error, motion_within_preactuation
-from invtrack.layout import aligned
 from invtrack.linear.internal_dynamics import format_zeros
-from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import as_switched
 from invtrack.linear.zeros import zeros
 from invtrack.plans.actuation import plan_actuation_time
-from invtrack.plans.dynamics import Mechanism, mechanism
+from invtrack.plans.dynamics import mechanism
 from invtrack.references.signal import PiecewiseSignal
 
 SCAN = 9
@@ -179,32 +178,43 @@ def _planner(
             f"{' and '.join(searched)} cannot be given: where the zeros go is what is varied; say which they are by "
             "axis_distance or zeros"
         )
-    moving = mechanism(model)
-    plant = as_switched(model) if moving is None else as_switched(_linear_model(moving))
-    named_intervals = intervals_named(options.get("interval"), len(plant))
-    present = np.unique(np.concatenate([zeros(plant.systems[k]) for k in named_intervals]))
-    elsewhere = 1.0 + 2 * float(np.max(np.abs(present), initial=0.0))
-    wish = Wish(_moves(names, elsewhere), None, None) if names.size else Wish(None, axis_distance, elsewhere)
-    wish.require_known(present)
-    moved = present[wish.targets(present)[0]]
+    present, planned = _of_motions(model, reference, **options) if mechanism(model) else _of_models(model, reference, **options)
+
+    def wish(real_part: float) -> Wish:
+        return Wish(_moves(names, real_part), None, None) if names.size else Wish(None, axis_distance, real_part)
+
+    elsewhere = wish(1.0 + 2 * float(np.max(np.abs(present), initial=0.0)))
+    elsewhere.require_known(present)
+    moved = present[elsewhere.targets(present)[0]]
     if not moved.size:
         raise InversionError(
             f"no zeros within {axis_distance} rad/s of the imaginary axis; the zeros are {format_zeros(present) or 'none'}"
         )
-
-    inverted = plant if moving is None else model
-
-    def plan(real_part: float) -> ModifiedPlan:
-        if axis_distance is not None:
-            return modified_inversion(inverted, reference, axis_distance=axis_distance, real_part=real_part, **options)
-        return modified_inversion(inverted, reference, move=_moves(names, real_part), **options)
-
-    return plan, moved
+    return lambda real_part: planned(wish(real_part)), moved
 
 
-def _linear_model(moving: Mechanism) -> StateSpace:
-    """The linear model about the operating point, with the parameters that hold before any change."""
-    return moving.dynamics(moving.parameter_values).linear_model(*moving.operating_point)
+Planned = Callable[[Wish], ModifiedPlan]
+
+
+def _of_models(model: Any, reference: PiecewiseSignal, **options: Any) -> tuple[ComplexArray, Planned]:
+    """The zeros of a linear model in all intervals in which they are moved, and the plan as a function of the wish."""
+    plant = as_switched(model)
+    present = np.unique(np.concatenate([zeros(plant.systems[k]) for k in intervals_named(options.get("interval"), len(plant))]))
+
+    def planned(wish: Wish) -> ModifiedPlan:
+        return modified_inversion(
+            plant, reference, move=wish.move, axis_distance=wish.axis_distance, real_part=wish.real_part, **options
+        )
+
+    return present, planned
+
+
+def _of_motions(model: Any, reference: PiecewiseSignal, **options: Any) -> tuple[ComplexArray, Planned]:
+    """The same for a Plant, whose zeros are those of the start; what its plans have in common is worked out once."""
+    moving = mechanism(model)
+    assert moving is not None  # as the caller knows
+    problem, planned = motion_planner(moving, reference, **options)
+    return problem.internal_at_start.zeros, planned
 
 
 def _moves(names: ComplexArray, real_part: float) -> dict[complex, complex]:
@@ -228,62 +238,3 @@ def _point(real_part: float, plan: ModifiedPlan, level: float) -> TradeOffPoint:
         error_after=float(np.max(plan.max_error_after / plan.output_scale)),
         peak_input=float(np.max(np.abs(plan.input_range))),
     )
-
-
-@dataclass(frozen=True)
-class TradeOffPoint:
-    """One real part for the zeros moved, and what it costs and gains.
-
-    Args:
-        real_part: of the zeros moved [rad/s].
-        alpha: rate at which the input before the manoeuvre decays backward in time [rad/s]; infinite without preactuation.
-        preactuation: how long before the manoeuvre the input gets above the level of the trade-off [s].
-        max_error: largest predicted |y - y_d| over all of time, of any output as a share of its scale.
-        error_bound: what no plan can bring that below which starts from rest `preactuation` before the manoeuvre, however large its
-            input (see `error_bound`), or where a Plant's outputs begin to be bent; NaN where none is known.
-        error_after: the same after the manoeuvre's end T_f.
-        peak_input: largest |u_i|, in the inputs' units.
-    """
-
-    real_part: float
-    alpha: float
-    preactuation: float
-    max_error: float
-    error_bound: float
-    error_after: float
-    peak_input: float
-
-
-@dataclass(frozen=True)
-class TradeOff:
-    """Preactuation against error for several real parts of the zeros moved; `print` shows a table, `column` gives one quantity.
-
-    level: the share of the peak input at which the preactuation is read. moved: the zeros, where the plant has them.
-    """
-
-    points: tuple[TradeOffPoint, ...]
-    level: float
-    moved: tuple[complex, ...]
-
-    def column(self, name: str) -> Array:
-        """One attribute of all points, in their order (m,): "real_part", "preactuation", "max_error", ..."""
-        names = tuple(TradeOffPoint.__dataclass_fields__)
-        if name not in names:
-            raise InversionError(f"no column {name!r}; there are {', '.join(names)}")
-        return np.array([getattr(point, name) for point in self.points])
-
-    def __str__(self) -> str:
-        head = f"zeros at {format_zeros(self.moved)} moved; preactuation from {100 * self.level:g} % of the peak input on"
-        titles = (
-            "real part [rad/s]",
-            "alpha [rad/s]",
-            "preactuation [s]",
-            "error [-]",
-            "least error [-]",
-            "error after [-]",
-            "peak input",
-        )
-        rows = [
-            tuple(f"{self.column(name)[k]:.4g}" for name in TradeOffPoint.__dataclass_fields__) for k in range(len(self.points))
-        ]
-        return "\n".join([head, *aligned(titles, rows)])

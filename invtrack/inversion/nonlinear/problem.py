@@ -117,13 +117,19 @@ class MotionProblem:
         return tuple(zeros_at(each, rest) for each, rest in zip(self.dynamics_of_rests, self.rests, strict=True))
 
     @cached_property
-    def _internal_at_start(self) -> InternalDynamics:
+    def internal_at_start(self) -> InternalDynamics:
+        """The internal dynamics of the linear model at the start."""
         return internal_dynamics(self.linear_models[0])
+
+    @cached_property
+    def internal_at_end(self) -> InternalDynamics:
+        """The same at the end."""
+        return internal_dynamics(self.linear_models[-1]) if len(self.rests) > 1 else self.internal_at_start
 
     @property
     def relative_degree(self) -> tuple[int, ...] | None:
         """Of each output at the start; None where there is no vector relative degree."""
-        return self._internal_at_start.form.relative_degree
+        return self.internal_at_start.form.relative_degree
 
     @property
     def dynamics_of_rests(self) -> tuple[Dynamics, ...]:
@@ -149,7 +155,7 @@ class MotionProblem:
     def with_stops(self, times: ArrayLike) -> MotionProblem:
         """The same with further stops [s]; what is known of its equilibria, in which these have no part, is kept."""
         other = replace(self, reference=self.reference.refined(times))
-        for name in ("linear_models", "zeros"):
+        for name in ("linear_models", "zeros", "internal_at_start", "internal_at_end"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
         return other
@@ -157,7 +163,7 @@ class MotionProblem:
     def _require_smooth(self) -> None:
         model = self.linear_models[0]
         deviation = self.reference + constant(-model.operating_point.y0, at=self.reference.manoeuvre[0])
-        require_smooth(as_switched(model), [self._internal_at_start], deviation)
+        require_smooth(as_switched(model), [self.internal_at_start], deviation)
 
     def _require_same_zeros(self) -> None:
         counts = [unstable(found, _pace(model)) for found, model in zip(self.zeros, self.linear_models, strict=True)]
