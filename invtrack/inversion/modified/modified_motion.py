@@ -105,7 +105,8 @@ def modified_motion(
     if np.any(moved):
         degree = max(start.form.orders) + SMOOTHER
         bumps = Bumps(_knots(window, start.zeros[moved], degree), degree, sizes)
-        bending = Bending(bumps, (start.zeros[moved], _followed(start.zeros, end.zeros, moved)))
+        at_rest = start.zeros[moved], _followed(start.zeros, end.zeros, moved)
+        bending = Bending(bumps, at_rest, problem.dynamics[0].state_coordinates)
     solver = MotionSolver(problem.with_stops(window), accuracy, inside, progress, bending)
     zeros = start.zeros[moved], start.zeros[~moved]
     plan = _plan(problem, solver, solver.refined(), window, tolerance=tolerance, limits=limits, sizes=sizes, zeros=zeros)

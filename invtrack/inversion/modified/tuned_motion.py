@@ -50,7 +50,7 @@ def motion_within_error(plan: Planned, limits: tuple[float, float], wish: float)
 
     Errors fall with that time, most like an exponential for real zeros: false position on their logarithm, in the variant that
     does not stall (M. Dowell, P. Jarratt, "A modified regula falsi method", BIT 11, 1971), inside a bracket that is widened by
-    factors of two.
+    factors of 2, 4, 16, ...
 
     Args:
         plan: from the real part to the plan.
@@ -61,7 +61,8 @@ def motion_within_error(plan: Planned, limits: tuple[float, float], wish: float)
     """
     shortest, longest = TIME_CONSTANTS / limits[1], TIME_CONSTANTS / limits[0]
     best: ModifiedPlan | None = None
-    time, ends, last = math.sqrt(shortest * longest), {}, None  # the bracket's ends, by whether they keep to the wish
+    ends: dict[bool, tuple[float, float]] = {}  # of the bracket, by whether they keep to the wish: times and excesses
+    time, last, factor = math.sqrt(shortest * longest), None, 2.0
     for _ in range(MOST_PLANS):
         found = plan(TIME_CONSTANTS / time)
         excess = math.log(max(found.relative_error, math.ulp(0.0)) / wish) + CLOSE / 2
@@ -78,7 +79,7 @@ def motion_within_error(plan: Planned, limits: tuple[float, float], wish: float)
                 break
         ends[kept] = (time, excess)
         if len(ends) < 2:
-            time = max(shortest, time / 2) if kept else min(longest, 2 * time)
+            time, factor = max(shortest, time / factor) if kept else min(longest, factor * time), factor**2
             continue
         if last == kept:  # the other end has stayed: its excess counts half
             ends[not kept] = (ends[not kept][0], ends[not kept][1] / 2)
@@ -87,5 +88,5 @@ def motion_within_error(plan: Planned, limits: tuple[float, float], wish: float)
         if a - b <= NARROW * a:
             break
         time = a - f_a * (a - b) / (f_a - f_b)
-    assert best is not None  # the limits are a few factors of two apart
+    assert best is not None  # some factors of the bracket are beyond all numbers
     return best

@@ -10,7 +10,7 @@ import numpy as np
 import scipy  # loads scipy.interpolate and scipy.sparse at their first use
 import scipy.linalg
 
-from invtrack.arrays import Array, ComplexArray
+from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.inversion.nonlinear.elements import Scheme
 from invtrack.inversion.nonlinear.ends import End
 from invtrack.inversion.nonlinear.mesh import Mesh
@@ -142,12 +142,19 @@ class Border:
 
 @dataclass(frozen=True, eq=False)
 class Bending:
-    """By what outputs may be bent, and the zeros of the start and of the end [rad/s] that are to rest outside of that for it."""
+    """By what outputs may be bent, and what is to rest outside of that for it.
+
+    Args:
+        bumps: of the outputs.
+        zeros: of the linear models at the start and at the end [rad/s], those that are to rest.
+        states: coordinates of the dynamics that are states of these models.
+    """
 
     bumps: Bumps
     zeros: tuple[ComplexArray, ComplexArray]
+    states: Indices
 
     def border(self, ends: tuple[End, End]) -> Border:
         """What that asks of a motion between these ends: at each of them what it does not meet anyway."""
-        start, end = (own.rows_at_rest(zeros, expanding=own is ends[0]) for own, zeros in zip(ends, self.zeros, strict=True))
-        return Border(self.bumps, start, end)
+        start = ends[0].rows_at_rest(self.zeros[0], self.states, expanding=True)
+        return Border(self.bumps, start, ends[1].rows_at_rest(self.zeros[1], self.states, expanding=False))

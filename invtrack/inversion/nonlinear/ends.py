@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from invtrack.arrays import Array, ComplexArray
+from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.inversion.nonlinear.elements import Scheme, map_at_rest
 from invtrack.inversion.nonlinear.rest import Rest
 from invtrack.linear.state_space import StateSpace
@@ -94,18 +94,24 @@ class End:
         """Rows R (n_u, n): R (x - rest) = 0 for a motion that comes to rest."""
         return self._rows(expanding=True)
 
-    def rows_at_rest(self, zeros: ComplexArray, *, expanding: bool) -> Array:
-        """Rows S (k, n): S (x - rest) = 0 where these zeros (., ) [rad/s] are at rest, those outside the unit circle or the others.
+    def rows_at_rest(self, zeros: ComplexArray, states: Indices, *, expanding: bool) -> Array:
+        """Rows S (k, n): S (x - rest) = 0 where some zeros are at rest; orthonormal in balanced units.
 
-        Orthonormal in balanced units.
+        Args:
+            zeros: of the linear model [rad/s].
+            states: coordinates that are states of that model; the others act on nothing, and have multipliers of their own.
+            expanding: whether of these zeros those outside the unit circle count, or the others.
         """
-        multipliers = np.linalg.eigvals(self.M)
+        M = self.M[np.ix_(states, states)]
+        multipliers = np.linalg.eigvals(M)
         left, chosen = list(range(len(multipliers))), []
         for zero in zeros:
             chosen.append(left.pop(int(np.argmin(np.abs(multipliers[left] - np.exp(zero * self.length))))))
         own = np.isin(np.arange(len(multipliers)), chosen) & ((np.abs(multipliers) > 1 + NEUTRAL) == expanding)
-        _, Q, count = scipy.linalg.schur(self.M.T, sort=lambda re, im: bool(own[np.argmin(np.abs(multipliers - complex(re, im)))]))
-        return np.asarray(Q[:, :count].T / self.scale)
+        _, Q, count = scipy.linalg.schur(M.T, sort=lambda re, im: bool(own[np.argmin(np.abs(multipliers - complex(re, im)))]))
+        rows = np.zeros((count, len(self.M)))
+        rows[:, states] = Q[:, :count].T
+        return rows / self.scale
 
     def departure(self, side: Side) -> Departure:
         """Motions about rest that die out away from a manoeuvre, on that side of it, but not within a few elements."""

@@ -234,10 +234,11 @@ class MotionSolver:
         if found.motion is not None:
             require_hold_of_outputs(found.shooting, found.motion, self.problem.relative_degree, found.amplitude)
         if found.motion is None or found.amplitude < 1.0:
+            sooner = "" if self.bending is None else "; outputs may be bent for too short a time, then move zeros less far"
             raise PlanError(
                 f"no motion found: Newton's method follows it up to {found.amplitude:.3g} of the way from rest ({len(found.log)} "
                 "steps); beyond, the inverse may cease to exist (an actuator that loses its effect, a posture that turns over). "
-                "Ask for a smaller or slower motion, or go by way of another posture"
+                f"Ask for a smaller or slower motion, or go by way of another posture{sooner}"
             )
         return self._sized(Solution(choice, found.shooting, found.motion, (*before, *found.log)))
 

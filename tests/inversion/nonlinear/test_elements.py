@@ -10,6 +10,7 @@ import scipy.linalg
 import invtrack
 from invtrack.inversion.nonlinear import choice as choosing
 from invtrack.inversion.nonlinear import ends
+from invtrack.inversion.nonlinear.bend import Bumps
 from invtrack.inversion.nonlinear.boundary_value import TwoPointProblem
 from invtrack.inversion.nonlinear.elements import Scheme, map_at_rest
 from invtrack.inversion.nonlinear.ends import End
@@ -139,6 +140,26 @@ def test_block_bidiagonal_problem_against_a_dense_solve() -> None:
     change = problem.solve(b + more, left, right) - found
     seen = np.einsum("rkn,kn->r", problem.influence(rows[:2], rows[2:]), more)
     np.testing.assert_allclose(seen, np.append(rows[:2] @ change[0], rows[2:] @ change[-1]), rtol=1e-9)
+    with pytest.raises(np.linalg.LinAlgError, match="singular"):
+        TwoPointProblem.of(M, np.zeros_like(L), R, scale)
+
+
+def test_bumps_against_quadrature() -> None:
+    bumps = Bumps(np.linspace(-1.0, 3.0, 21), 4, np.array([1.0, 2.0]))
+    assert bumps.count == 16
+    t = np.linspace(-1.5, 3.5, 10_001)
+    phi = bumps.at(t).toarray()
+    gram = np.trapezoid(phi[:, :, None] * phi[:, None], t, axis=0)
+    for k, row in enumerate(bumps.gram):
+        np.testing.assert_allclose(np.diag(gram, k), row[: bumps.count - k], rtol=1e-8)
+    weights = np.random.default_rng(0).normal(size=(16, 2))
+    bend = bumps.signal(weights)
+    np.testing.assert_allclose(bend(t), phi @ weights, atol=1e-13)
+    squares = np.trapezoid((bend(t) / bumps.scale) ** 2, t, axis=0).sum()
+    assert bumps.size(weights) == pytest.approx(np.sqrt(squares), rel=1e-8)
+    for order in range(4):  # all derivatives but the highest
+        left, right = bend.sides(order)
+        assert np.max(np.abs(right - left)) < 1e-10 * np.max(np.abs(bend(t, derivative=order)))
 
 
 def test_elements_are_split_where_they_were() -> None:
