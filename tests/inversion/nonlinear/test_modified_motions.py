@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import invtrack
 from invtrack.inversion import ModifiedMotion, modified_inversion, preactuation_trade_off, tune_modified_inversion
+from invtrack.inversion.modified.tuned_motion import motion_within_error
 from tests.inversion.nonlinear.mechanisms import cart_pole, link, pvtol, sideways
 from tests.inversion.nonlinear.test_independent import pole_by_collocation
 from tests.inversion.nonlinear.test_motions import PAYLOADS
@@ -123,10 +126,22 @@ def test_error_falls_towards_the_exact_plan_and_not_below_its_bound() -> None:
 def test_what_can_be_afforded() -> None:
     sooner = tune_modified_inversion(cart(), slew(1.0), preactuation=0.5, zeros=[ZERO])
     assert sooner.start == pytest.approx(-0.5)
-    closer = tune_modified_inversion(cart(), slew(1.0), error=0.02, zeros=[ZERO], real_parts=(7.0, 8.5))
-    assert 0.99 * 0.02 <= closer.relative_error <= 0.02
-    with pytest.raises(invtrack.errors.InversionError, match=r"error of 0.001 cannot be reached.*from 8 to 9.*slower reference"):
-        tune_modified_inversion(cart(), slew(1.0), error=1e-3, zeros=[ZERO], real_parts=(8.0, 9.0))
+    with pytest.raises(invtrack.errors.InversionError, match=r"error of 0.001 cannot be reached.*from 8 to 8.5.*slower reference"):
+        tune_modified_inversion(cart(), slew(1.0), error=1e-3, zeros=[ZERO], real_parts=(8.0, 8.5))
+
+
+@pytest.mark.parametrize("wish", [0.3, 1e-2, 1e-4])
+@pytest.mark.parametrize("falls", [lambda time: np.exp(-3 * time), lambda time: 1 / (1 + 50 * time**2)], ids=["real", "complex"])
+def test_few_plans_meet_an_error(falls: Callable[[float], float], wish: float) -> None:
+    asked = []
+
+    def plan(real_part: float) -> SimpleNamespace:
+        asked.append(real_part)
+        return SimpleNamespace(relative_error=falls(np.log(100) / real_part), real_part=real_part)
+
+    found = motion_within_error(plan, (0.04, 40.0), wish)  # type: ignore[arg-type]
+    assert 0.99 * wish <= found.relative_error <= wish
+    assert len(asked) <= 9
 
 
 def test_a_stable_zero_at_rest_after_the_manoeuvre() -> None:
