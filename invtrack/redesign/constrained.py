@@ -3,79 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arrays import require_duration
 from invtrack.errors import RedesignError
-from invtrack.plans.plan import Plan
-from invtrack.plans.tail import Tail
+from invtrack.plans.dynamics import ScheduledChange, mechanism
+from invtrack.redesign.constrained_trajectory import ConstrainedTrajectory
 from invtrack.redesign.cost import as_weights
-from invtrack.redesign.limited.active_limits import ActiveLimit, active_limits
-from invtrack.redesign.limited.optimality import Optimality
+from invtrack.redesign.limited.active_limits import active_limits
+from invtrack.redesign.limited.limit_check import require_rest_within
 from invtrack.redesign.limited.window import KEPT, LimitedProblem, free_excess, solve_limited
-from invtrack.redesign.limits import Bound, Limits, bounds_of
-from invtrack.redesign.quadratic import free_optimum
+from invtrack.redesign.limits import Limits, bounds_of
+from invtrack.redesign.nonlinear.limited_redesign import redesign_motion_within
+from invtrack.redesign.quadratic import free_optimum, require_for_plants
 from invtrack.references.signal import PiecewiseSignal
 
 METHOD = "constrained redesign"
-
-LEAST_MARGIN = 1e-6
-"""How far inside its limits a plan must be at rest, as a share of their size: a tail that dies out there keeps within them."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ConstrainedTrajectory(Plan):
-    """A plan with limits.
-
-    Args:
-        limits: all that it has to keep.
-        active: those that it touches, when, and what more room there would be worth.
-        overshoot: largest excess of any limit anywhere, as a share of the limit's size; zero where all are kept.
-        step: longest time over which the input is linear [s]. Zero where no limit is active: the plan is then the optimum without
-            limits, in closed form.
-        optimality: cost and duality gap, how far from the best plan within the limits it can be; None where no limit is active.
-    """
-
-    limits: tuple[Bound, ...] = ()
-    active: tuple[ActiveLimit, ...] = ()
-    overshoot: float = 0.0
-    step: float = 0.0
-    optimality: Optimality | None = None
-
-    @property
-    def shadow_prices(self) -> dict[str, float]:
-        """By how much the cost falls per unit by which each limit is loosened on both of its sides, to first order.
-
-        For a limit that was stated as one number it is minus the derivative of the cost by it; zero for limits that are not active.
-        """
-        return {limit.name: sum((a.multiplier for a in self.active if a.name == limit.name), start=0.0) for limit in self.limits}
-
-    def __str__(self) -> str:
-        """What it is, and a table of its limits: how long each side acts, and what one unit more there would save."""
-        head = [repr(self)]
-        if self.optimality is not None:
-            cost, gap = self.optimality.cost, self.optimality.duality_gap
-            head.append(f"cost {cost:.6g}; the best plan within the limits costs less by a share of {gap:.0e} at most")
-        rows = [("limit", "unit", "side", "value", "active [s]", "stretches", "cost saved per unit")]
-        for limit in self.limits:
-            for side, value in (("low", limit.low), ("high", limit.high)):
-                if np.isfinite(value):
-                    at = f"{value + limit.offset:.6g}"
-                    rows.append((limit.name, limit.unit or "-", side, at, *self._activity(limit.name, side)))
-        widths = [max(map(len, column)) + 2 for column in zip(*rows, strict=True)]
-        lines = ("".join(f"{entry:<{width}}" for entry, width in zip(row, widths, strict=True)).rstrip() for row in rows)
-        return "\n".join([*head, *lines])
-
-    def _activity(self, name: str, side: str) -> tuple[str, str, str]:
-        """How long a side of a limit acts, in how many stretches, and what one unit more saves, as text."""
-        for each in self.active:
-            if (each.name, each.side) == (name, side):
-                return f"{each.duration:.4g}", str(len(each.stretches)), f"{each.multiplier:.4g}"
-        return "0", "0", "0"
 
 
 def constrained_redesign(
@@ -87,6 +33,9 @@ def constrained_redesign(
     Q_y: ArrayLike,
     limits: Limits,
     step: float | None = None,
+    schedule: Sequence[ScheduledChange] = (),
+    accuracy: float = 1e-8,
+    hold: float | None = None,
     tolerance: float = 1e-10,
     max_preactuation: float | None = None,
     max_postactuation: float | None = None,
@@ -110,15 +59,21 @@ def constrained_redesign(
     no plan with the same steps costs less by more than that. As `step` goes to zero the plan tends to the optimum among all inputs,
     its cost and its input with an error of order step^2 away from the instants at which a limit begins or ceases to act.
 
+    A Plant is planned for as it moves, as by `quadratic_redesign`, from the motion without limits on by sequential quadratic
+    programming on the linearization along the motion. The input is then continuous only where its rate is limited, and, where it is
+    to be held, constant over each hold. What comes back is a ConstrainedMotion, whose `optimality` is that of motions near by.
+
     Args:
-        model: StateSpace, SwitchedSystem, or anything with A, B, C, D.
+        model: StateSpace, SwitchedSystem, or anything with A, B, C, D; or a Plant at an equilibrium.
         reference: wanted outputs, absolute, in their units, held still before and after the manoeuvre.
         R: weight of the inputs (p, p), positive definite; a number stands for that multiple of the identity, here and below.
         Q_x: weight of the states (n, n), positive semidefinite.
         Q_y: weight of the output errors (p, p), positive semidefinite.
         limits: what the plan must never exceed.
         step: longest time over which the input is linear [s]; by default such that linear interpolation of the optimal input
-            without limits misses it by 1e-5 of its peak (up to 1e-3 where that takes many steps).
+            without limits misses it by 1e-5 of its peak (up to 1e-3 where that takes many steps); for a Plant a 200th of the
+            manoeuvre.
+        schedule, accuracy, hold: for a Plant, see `quadratic_redesign`; with a hold no rates can be limited.
         tolerance: share of its peak below which what is left of the plan before its start and after its end counts as rest.
         max_preactuation, max_postactuation: longest time before the manoeuvre at which the plan may start, and after it at which it
             may end [s]; None: as long as the tolerance asks.
@@ -131,6 +86,23 @@ def constrained_redesign(
     """
     if step is not None:
         require_duration("step", step, error=RedesignError)
+    moving = mechanism(model)
+    if moving is not None:
+        return redesign_motion_within(
+            moving,
+            reference,
+            R=R,
+            Q_x=Q_x,
+            Q_y=Q_y,
+            limits=limits,
+            step=step,
+            schedule=schedule,
+            accuracy=accuracy,
+            hold=hold,
+            tolerance=tolerance,
+            reach=(max_preactuation, max_postactuation),
+        )
+    require_for_plants(schedule=schedule, hold=hold)
     free = free_optimum(
         model,
         reference,
@@ -142,7 +114,7 @@ def constrained_redesign(
         max_postactuation=max_postactuation,
     )
     problem = LimitedProblem(free, bounds_of(limits, free.problem.plant))
-    _require_rest_within(problem.tails, problem.bounds)
+    require_rest_within(problem.tails, problem.bounds)
     if not free_excess(problem) > KEPT:  # what is no number is refused by the certificate
         remark = "no limit is active: this is the optimum without limits"
         return free.problem.plan(
@@ -170,18 +142,3 @@ def constrained_redesign(
         step=solution.step,
         optimality=replace(solution.optimality, cost=solution.optimality.cost * unit),
     )
-
-
-def _require_rest_within(tails: tuple[Tail, Tail], bounds: Sequence[Bound]) -> None:
-    """Raises RedesignError where the plan at rest lies outside a limit, or so near to one that nothing may move there."""
-    for tail, when in zip(tails, ("before", "after"), strict=True):
-        for bound in bounds:
-            moved = bound.rest[0 if tail.direction < 0 else -1]
-            rest = 0.0 if bound.kind == "input rate" else float(bound.row @ tail.held + moved)
-            if bound.excess(np.array(rest)) > -LEAST_MARGIN:
-                at, low, high = rest + bound.offset, bound.low + bound.offset, bound.high + bound.offset
-                raise RedesignError(
-                    f"limits that cannot be kept: at rest {when} the manoeuvre {bound.name} is {at:.6g}, expected strictly between "
-                    f"its limits {low:.6g} and {high:.6g} (off by {max(low - at, at - high):.3g}); loosen that limit, or choose "
-                    "another operating point or held value"
-                )

@@ -102,11 +102,9 @@ def quadratic_redesign(
             accuracy=accuracy,
             hold=hold,
             tolerance=tolerance,
-            limits=(max_preactuation, max_postactuation),
+            reach=(max_preactuation, max_postactuation),
         )
-    for name, given in (("schedule", len(schedule) > 0), ("hold", hold is not None)):
-        if given:
-            raise RedesignError(f"{name} is for a Plant, which is planned for as it moves; leave it out for a linear model")
+    require_for_plants(schedule=schedule, hold=hold)
     plants = _plants(model)
     shares = _shares(probabilities, len(plants))
     weights = [as_weights(plant, R=R, Q_x=Q_x, Q_y=Q_y) for plant in plants]  # each checks them against its own feedthrough
@@ -133,6 +131,13 @@ def quadratic_redesign(
     if len(plants) == 1:
         return plan(0)
     return plan(0, variants=tuple(plan(k) for k in range(len(plants))), probabilities=tuple(shares.tolist()))
+
+
+def require_for_plants(*, schedule: Sequence[ScheduledChange], hold: float | None) -> None:
+    """Raises RedesignError for options that only the plan for a Plant has."""
+    for name, given in (("schedule", len(schedule) > 0), ("hold", hold is not None)):
+        if given:
+            raise RedesignError(f"{name} is for a Plant, which is planned for as it moves; leave it out for a linear model")
 
 
 def _plants(model: Any) -> list[SwitchedSystem]:

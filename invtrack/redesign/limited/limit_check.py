@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from invtrack.arrays import Array, Indices
+from invtrack.errors import RedesignError
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import Trajectory
 from invtrack.redesign.limited.discretization import Grid
@@ -22,6 +23,10 @@ TAIL_SAMPLES = 4000
 
 TAIL_DECAY = 40.0
 """Time constants of its slowest mode over which a tail is looked at."""
+
+
+LEAST_MARGIN = 1e-6
+"""How far inside its limits a plan must be at rest, as a share of their size: a tail that dies out there keeps within them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,3 +100,18 @@ def tail_excess(tail: Tail, bounds: Sequence[Bound]) -> Array:
     plain, rate = (each.values(sigma, slice(None), 0.0) for each in (tail, tail.derivative()))
     values = [(rate if bound.kind == "input rate" else plain) @ bound.row + bound.rest[end] for bound in bounds]
     return np.array([np.max(bound.excess(value)) for bound, value in zip(bounds, values, strict=True)])
+
+
+def require_rest_within(tails: tuple[Tail, Tail], bounds: Sequence[Bound]) -> None:
+    """Raises RedesignError where the plan at rest lies outside a limit, or so near to one that nothing may move there."""
+    for tail, when in zip(tails, ("before", "after"), strict=True):
+        for bound in bounds:
+            moved = bound.rest[0 if tail.direction < 0 else -1]
+            rest = 0.0 if bound.kind == "input rate" else float(bound.row @ tail.held + moved)
+            if bound.excess(np.array(rest)) > -LEAST_MARGIN:
+                at, low, high = rest + bound.offset, bound.low + bound.offset, bound.high + bound.offset
+                raise RedesignError(
+                    f"limits that cannot be kept: at rest {when} the manoeuvre {bound.name} is {at:.6g}, expected strictly between "
+                    f"its limits {low:.6g} and {high:.6g} (off by {max(low - at, at - high):.3g}); loosen that limit, or choose "
+                    "another operating point or held value"
+                )

@@ -30,6 +30,19 @@ class Course:
 
 
 @dataclass(frozen=True, eq=False)
+class Linearized:
+    """What changes [dx; dc] of an element's start and coefficients do at its nodes, to first order.
+
+    Args:
+        states, inputs, outputs: (N, S + 1, n, n + s m), (S + 1, m, n + s m) and (N, S + 1, p, n + s m).
+    """
+
+    states: Array
+    inputs: Array
+    outputs: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Quadratics:
     """What elements cost and where they end, to second and to first order of changes [dx; dc] of their starts and coefficients.
 
@@ -139,23 +152,29 @@ class CostedMotions(ElementChain):
         """By how much elements end beyond the starts of the next ones (N, n)."""
         return self.difference(self.nodes(motion)[:, -1], motion.points[1:])
 
-    def quadratics(self, motion: Motion) -> Quadratics:
-        """Elements along a motion."""
+    def linearized(self, motion: Motion, *, rough: bool = True) -> Linearized:
+        """What small changes of starts and coefficients do at the nodes, by derivatives at a few of them."""
         nodes, u = self.nodes(motion), self.inputs(motion.coefficients)
         S, n, m, s = self.scheme.steps, len(self.states), u.shape[2], self.scheme.count
-        x, v, e = self.departures(nodes, u, self.outputs(nodes, u))
         knots = np.linspace(0, S, min(KNOTS, S + 1)).astype(np.intp)
-        A, B, C, D = self.derivatives(nodes[:, knots], u[:, knots], rough=True)
+        A, B, C, D = self.derivatives(nodes[:, knots], u[:, knots], rough=rough)
         spread = interpolation(knots / S, np.linspace(0.0, 1.0, 2 * S + 1))
         A, B = (np.einsum("jl,kl...->kj...", spread, each) for each in (A, B))
         C, D = (np.einsum("jl,kl...->kj...", spread[::2], each) for each in (C, D))
-        V = sensitivities(A, B, self.scheme.basis, self.mesh.lengths)  # (N, S + 1, n, n + s m)
+        V = sensitivities(A, B, self.scheme.basis, self.mesh.lengths)
         U = np.zeros((S + 1, m, n + s * m))
         U[:, :, n:] = np.einsum("ji,ab->jaib", self.at_nodes, np.eye(m)).reshape(S + 1, m, s * m)
-        Y = C @ V + D @ U
+        return Linearized(V, U, C @ V + D @ U)
+
+    def quadratics(self, motion: Motion, linearized: Linearized) -> Quadratics:
+        """Elements along a motion."""
+        nodes, u = self.nodes(motion), self.inputs(motion.coefficients)
+        x, v, e = self.departures(nodes, u, self.outputs(nodes, u))
+        V, U, Y = linearized.states, linearized.inputs[None], linearized.outputs
+        n, size = V.shape[2:]
         share = self.mesh.lengths[:, None] * self.shares
-        H, g = np.zeros((len(nodes), n + s * m, n + s * m)), np.zeros((len(nodes), n + s * m))
-        for rows, weight, away in ((Y, self.weights.Q_y, e), (U[None], self.weights.R, v), (V, self.weights.Q_x, x)):
+        H, g = np.zeros((len(nodes), size, size)), np.zeros((len(nodes), size))
+        for rows, weight, away in ((Y, self.weights.Q_y, e), (U, self.weights.R, v), (V, self.weights.Q_x, x)):
             if np.any(weight):
                 weighed = np.swapaxes(rows, -1, -2) @ weight
                 H += np.einsum("kj,kjab->kab", share, weighed @ rows)

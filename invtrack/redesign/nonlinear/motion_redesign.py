@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,12 +21,13 @@ from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.actuation import ringing
 from invtrack.plans.dynamics import Mechanism, ScheduledChange
 from invtrack.plans.plan import Plan, Samples
-from invtrack.plans.problem import actuation_times, left_out_of
+from invtrack.plans.problem import PlanType, actuation_times, left_out_of
 from invtrack.plans.tail import Tail
 from invtrack.redesign.cost import FARTHEST, Weights, as_weights
+from invtrack.redesign.nonlinear.costed import CostedMotions, Course
 from invtrack.redesign.nonlinear.ends import RestEnd
 from invtrack.redesign.nonlinear.gauss_newton import GaussNewtonStep
-from invtrack.redesign.nonlinear.solver import LeastCostMotion, Optimum
+from invtrack.redesign.nonlinear.solver import LeastCostMotion
 from invtrack.redesign.optimal_trajectory import OptimalTrajectory
 from invtrack.references.signal import PiecewiseSignal
 
@@ -51,8 +53,13 @@ class OptimalMotion(OptimalTrajectory):
 
     def departures(self, t: ArrayLike, *, inside: ArrayLike | None = None) -> Samples:
         """Values at times t (m,) [s] as what costs: x - x_rest, u - u_rest, and outputs, planned and wanted, from those at rest."""
-        at, rest = self(t, inside=inside), self.steady(t, inside=inside)
-        return Samples(at.time, at.x - rest.x, at.u - rest.u, at.y - rest.y, at.y_d - rest.y)
+        return departures_from(self.steady, self(t, inside=inside), inside)
+
+
+def departures_from(steady: Plan, at: Samples, inside: ArrayLike | None) -> Samples:
+    """Values of a plan as departures from a steady motion; inside: times within the pieces meant, where a side matters."""
+    rest = steady(at.time, inside=inside)
+    return Samples(at.time, at.x - rest.x, at.u - rest.u, at.y - rest.y, at.y_d - rest.y)
 
 
 def redesign_motion(
@@ -66,7 +73,7 @@ def redesign_motion(
     accuracy: float,
     hold: float | None,
     tolerance: float,
-    limits: tuple[float | None, float | None],
+    reach: tuple[float | None, float | None],
 ) -> OptimalMotion:
     """The motion of a mechanism that costs least; see `invtrack.quadratic_redesign`.
 
@@ -78,7 +85,39 @@ def redesign_motion(
         accuracy: of the integration and of the tails, as a share of the states' sizes.
         hold: period of a zero-order hold that drives the mechanism [s].
         tolerance: what counts as rest, as a share of peaks.
-        limits: longest preactuation and postactuation [s].
+        reach: longest preactuation and postactuation [s].
+    """
+    solver, unit = least_cost_motion(
+        mechanism, reference, R=R, Q_x=Q_x, Q_y=Q_y, schedule=schedule, accuracy=accuracy, hold=hold, tolerance=tolerance
+    )
+    found = solver.solve()
+    details = {
+        "optimality_gap": found.stationarity.total,
+        "cost": found.cost * unit,
+        "iterations": found.log,
+        "steady": solver.rest.steady,
+    }
+    return plan_of(
+        OptimalMotion, METHOD, solver, found.motions, found.course, tolerance=tolerance, reach=reach, remarks=(), **details
+    )
+
+
+def least_cost_motion(
+    mechanism: Mechanism,
+    reference: PiecewiseSignal,
+    *,
+    R: ArrayLike,
+    Q_x: ArrayLike,
+    Q_y: ArrayLike,
+    schedule: Sequence[ScheduledChange],
+    accuracy: float,
+    hold: float | None,
+    tolerance: float,
+) -> tuple[LeastCostMotion, float]:
+    """The problem of a redesign, checked, and the unit of its cost.
+
+    Args:
+        mechanism, reference, R, Q_x, Q_y, schedule, accuracy, hold, tolerance: see `redesign_motion`.
     """
     for name, share in (("accuracy", accuracy), ("tolerance", tolerance)):
         require_share(name, share, error=PlanError)
@@ -86,11 +125,7 @@ def redesign_motion(
         require_duration("hold", hold, error=PlanError)
     problem = MotionProblem.of(mechanism, reference, schedule, exact=False)
     stated = _weights(problem, R=R, Q_x=Q_x, Q_y=Q_y)
-    found = LeastCostMotion(problem, stated.in_unit(), stated.unit, accuracy, hold).solve()
-    plan = _plan(problem, found, unit=stated.unit, accuracy=accuracy, tolerance=tolerance, limits=limits)
-    plan = plan if hold is None else in_whole_holds(plan, hold)
-    rings = ringing(plan)
-    return plan if rings is None else replace(plan, ringing=rings, remarks=(*plan.remarks, rings.remark))
+    return LeastCostMotion(problem, stated.in_unit(), stated.unit, accuracy, hold), stated.unit
 
 
 def _weights(problem: MotionProblem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: ArrayLike) -> Weights:
@@ -102,38 +137,40 @@ def _weights(problem: MotionProblem, *, R: ArrayLike, Q_x: ArrayLike, Q_y: Array
     return found[0]
 
 
-def _plan(
-    problem: MotionProblem,
-    found: Optimum,
+def plan_of(
+    kind: type[PlanType],
+    method: str,
+    solver: LeastCostMotion,
+    motions: CostedMotions,
+    course: Course,
     *,
-    unit: float,
-    accuracy: float,
     tolerance: float,
-    limits: tuple[float | None, float | None],
-) -> OptimalMotion:
+    reach: tuple[float | None, float | None],
+    remarks: Sequence[str],
+    **details: Any,
+) -> PlanType:
     """The plan for a motion, confirmed by the simulator.
 
     Args:
-        problem, found: what was asked for, and the motion of least cost.
-        unit: of its cost.
-        accuracy, tolerance, limits: see `redesign_motion`.
+        kind, method: of the plan.
+        solver: of the problem.
+        motions, course: the motion.
+        tolerance: see `redesign_motion`.
+        reach: longest preactuation and postactuation [s].
+        remarks: what a user should know.
+        details: further fields of the kind.
     """
-    motions, motion, mesh = found.motions, found.course.motion, found.motions.mesh
+    problem, motion, mesh = solver.problem, course.motion, motions.mesh
     model = problem.model(mesh.edges)
-    last = motions.ends[1].coordinates(motion.points[-1])
-    tails = (
-        _tail(model, motions.ends[0], found.course.v, motion.points[0], 0),
-        _tail(model, motions.ends[1], last, motion.points[-1], -1),
-    )
-    trajectory = trajectory_of(motions, motion, model, tails)
+    trajectory = trajectory_of(motions, motion, model, tails_of(motions, course, model))
     for k, dynamics in enumerate(problem.dynamics):
         chosen = np.flatnonzero(mesh.interval == k)
         dynamics.require_free(motion.points[chosen], motion.coefficients[chosen, 0])
     certificate = certify_motion(motions, motion, trajectory, model, problem.reference)
-    require_confirmed(certificate, SLACK * accuracy, exact=False)
-    preactuation, postactuation, limited = actuation_times(trajectory, problem.manoeuvre, tolerance, limits)
-    return OptimalMotion(
-        method=METHOD,
+    require_confirmed(certificate, SLACK * solver.accuracy, exact=False)
+    preactuation, postactuation, limited = actuation_times(trajectory, problem.manoeuvre, tolerance, reach)
+    plan = kind(
+        method=method,
         model=model,
         reference=problem.reference,
         trajectory=trajectory,
@@ -142,14 +179,21 @@ def _plan(
         postactuation=postactuation,
         tolerance=tolerance,
         certificate=certificate,
-        remarks=(*limited, *left_out_of(model)),
+        remarks=(*limited, *remarks, *left_out_of(model)),
         difference=problem.mechanism.state_difference if problem.mechanism.turns else None,
         linearizations=linearizations_along(motions, motion),
-        optimality_gap=found.stationarity.total,
-        cost=found.cost * unit,
-        iterations=found.log,
-        steady=found.steady,
+        **details,
     )
+    plan = plan if solver.hold is None else in_whole_holds(plan, solver.hold)
+    rings = ringing(plan)
+    return plan if rings is None else replace(plan, ringing=rings, remarks=(*plan.remarks, rings.remark))
+
+
+def tails_of(motions: CostedMotions, course: Course, model: SwitchedSystem) -> tuple[Tail, Tail]:
+    """[x; u; y] of a plan before and after the window, as deviations from the rests of the model."""
+    last = motions.ends[1].coordinates(course.motion.points[-1])
+    before = _tail(model, motions.ends[0], course.v, course.motion.points[0], 0)
+    return before, _tail(model, motions.ends[1], last, course.motion.points[-1], -1)
 
 
 def _tail(model: SwitchedSystem, end: RestEnd, v: Array, point: Array, which: int) -> Tail:

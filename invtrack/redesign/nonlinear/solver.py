@@ -17,7 +17,6 @@ from invtrack.inversion.nonlinear.shooting import Motion
 from invtrack.inversion.nonlinear.transfer import Known
 from invtrack.linear.state_sizes import unit_ratios
 from invtrack.linear.switched import SwitchedSystem
-from invtrack.plans.plan import Plan
 from invtrack.redesign.cost import Weights
 from invtrack.redesign.nonlinear.costed import CostedMotions, Course
 from invtrack.redesign.nonlinear.ends import RestEnd, ends_of
@@ -36,7 +35,7 @@ ELEMENTS = 50
 """Elements of the manoeuvre, at least, before refinement."""
 
 FASTEST = 1.0
-"""Half of a coefficient's share of an element times the fastest mode [rad], at most: what the polynomials of the plan can follow."""
+"""Half of a coefficient's share of an element times the fastest mode [rad], at most: what a plan's polynomials can follow."""
 
 RESOLVED = 2.0
 """Length of the elements beside the manoeuvre times the fastest mode of the optimum there [rad], at most."""
@@ -71,13 +70,12 @@ MARGIN = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The motion of least cost, what is left of its stationarity, the steady motion that it costs from, and the steps to it."""
+    """The motion of least cost, what is left of its stationarity, and the steps that led to it."""
 
     motions: CostedMotions
     course: Course
     cost: float
     stationarity: Stationarity
-    steady: Plan
     log: tuple[GaussNewtonStep, ...]
 
 
@@ -118,7 +116,7 @@ class LeastCostMotion:
     def solve(self) -> Optimum:
         """The motion. Raises RedesignError."""
         scheme = Scheme(COUNT, (), REFINEMENT) if self.hold is None else Scheme(1, ())
-        motions = self._motions(scheme, self._first_mesh(), 1)
+        motions = self.motions_on(scheme, self._first_mesh(), 1)
         course = self._at_rest(motions)
         log: tuple[GaussNewtonStep, ...] = ()
         while True:
@@ -128,13 +126,13 @@ class LeastCostMotion:
             finer = self._finer(motions, course, left)
             if finer is None:
                 left.require()
-                return Optimum(motions, course, cost, left, self.rest.steady, log)
+                return Optimum(motions, course, cost, left, log)
             if motions.number >= MESHES:
                 raise RedesignError(
                     f"the mesh does not get fine enough: with {len(motions.mesh)} elements other inputs could still take "
                     f"{left.total:.1e} off the cost ({STATIONARY:.0e} is aimed at); ask for less accuracy, or make inputs dearer"
                 )
-            motions, course = self._carried(motions, course, *finer)
+            motions, course = self.carried(motions, course, *finer)
 
     def _first_mesh(self) -> Mesh:
         stops = self.problem.stops
@@ -143,7 +141,7 @@ class LeastCostMotion:
         length = float(min(lengths)) if self.hold is None else self.hold
         reach = [min(-np.log(FIRST_SHARE) / end.slowest, duration if duration > 0 else np.inf) for end in self.ends]
         before, after = (self._outward(length, each, end) for each, end in zip(reach, self.ends, strict=True))
-        _require_few(duration / length + len(before) + len(after), duration + sum(reach), length)
+        require_few(duration / length + len(before) + len(after), duration + sum(reach), length)
         inner = Mesh.even(stops, self.problem.switch_times, length).edges if duration > 0 else stops
         edges = np.concatenate([inner[0] - np.cumsum(before)[::-1], inner, inner[-1] + np.cumsum(after)])
         return Mesh.of(edges, self.problem.switch_times)
@@ -167,7 +165,8 @@ class LeastCostMotion:
         fastest = max(*of_plant, *(end.fastest for end in self.ends))
         return FASTEST * 2 * COUNT / fastest if fastest > 0 else np.inf
 
-    def _motions(self, scheme: Scheme, mesh: Mesh, number: int) -> CostedMotions:
+    def motions_on(self, scheme: Scheme, mesh: Mesh, number: int) -> CostedMotions:
+        """Motions on other elements."""
         problem = self.problem
         shares = np.linspace(0.0, 1.0, 2 * scheme.steps + 1)
         times = (mesh.edges[:-1, None] + mesh.lengths[:, None] * shares).ravel()
@@ -228,7 +227,7 @@ class LeastCostMotion:
         finer = mesh.split(parts)
         if longer is not None:
             finer = finer.with_more(*longer)
-        _require_few(len(finer), float(finer.edges[-1] - finer.edges[0]), float(np.min(finer.lengths)))
+        require_few(len(finer), float(finer.edges[-1] - finer.edges[0]), float(np.min(finer.lengths)))
         return replace(scheme, refinement=factor * scheme.refinement), finer
 
     def _longer(self, motions: CostedMotions, course: Course, sizes: Array) -> tuple[Array, Array] | None:
@@ -244,9 +243,9 @@ class LeastCostMotion:
             more.append(self._outward(inner, reach, end) if reach > 0 else np.zeros(0))
         return (more[0], more[1]) if len(more[0]) + len(more[1]) else None
 
-    def _carried(self, motions: CostedMotions, course: Course, scheme: Scheme, mesh: Mesh) -> tuple[CostedMotions, Course]:
+    def carried(self, motions: CostedMotions, course: Course, scheme: Scheme, mesh: Mesh) -> tuple[CostedMotions, Course]:
         """Other elements, and what is known of the motion on them."""
-        finer = self._motions(scheme, mesh, motions.number + 1)
+        finer = self.motions_on(scheme, mesh, motions.number + 1)
         last = self.ends[1].coordinates(course.motion.points[-1])
         outside = (
             self.ends[0].outside(course.v, course.motion.points[0]),
@@ -260,7 +259,7 @@ class LeastCostMotion:
         return finer, Course(motion, v[0])
 
 
-def _require_few(elements: float, duration: float, length: float) -> None:
+def require_few(elements: float, duration: float, length: float) -> None:
     """Raises RedesignError for more elements than are planned."""
     if elements > MOST_ELEMENTS:
         raise RedesignError(

@@ -37,7 +37,7 @@ def best_step(motions: CostedMotions, course: Course) -> Step:
 
     Raises LinAlgError for what is no number.
     """
-    model, after = motions.quadratics(course.motion), motions.ends[1]
+    model, after = motions.quadratics(course.motion, motions.linearized(course.motion)), motions.ends[1]
     N, n = model.gaps.shape
     P, p = np.empty((N + 1, n, n)), np.empty((N + 1, n))
     K, k = np.empty((N, model.H.shape[1] - n, n)), np.empty((N, model.H.shape[1] - n))
