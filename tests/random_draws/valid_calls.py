@@ -76,7 +76,7 @@ NOT_DOORS = {
         "ActiveLimit",
     ),
     *("ActiveStretch", "Optimality", "OptimalTrajectory", "TrimPoint", "TrimmedQuantity", "ActingLimit", "Stretches"),
-    *("GaussNewtonStep", "OptimalMotion"),
+    *("ConstrainedMotion", "GaussNewtonStep", "OptimalMotion"),
     *("ConstrainedTrajectory", "FrequencyResponse", "ImpulseResponse", "Outcome", "Prefilter", "PrefilteredTrajectory"),
     *(
         "ReferenceReport",
@@ -360,6 +360,9 @@ def _calls() -> dict[str, Call]:
             Q_y=10.0,
             limits=invtrack.Limits(input=50.0),
             step=0.05,
+            schedule=(),
+            accuracy=1e-8,
+            hold=None,
             tolerance=1e-8,
             max_preactuation=5.0,
             max_postactuation=5.0,

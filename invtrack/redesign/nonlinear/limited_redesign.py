@@ -85,15 +85,15 @@ def redesign_motion_within(
     solver, unit = least_cost_motion(
         mechanism, reference, R=R, Q_x=Q_x, Q_y=Q_y, schedule=schedule, accuracy=accuracy, hold=hold, tolerance=tolerance
     )
-    free = solver.solve()
-    edges, (begin, end) = free.motions.mesh.edges, solver.problem.manoeuvre
-    model = solver.problem.model(edges)
-    bounds = bounds_of(limits, model)
+    bounds = bounds_of(limits, solver.problem.model(solver.problem.stops))
     limited_rates = any(bound.kind == "input rate" for bound in bounds)
     if hold is not None and limited_rates:
         raise RedesignError(
             "a limit on an input's rate cannot be kept by inputs that jump from hold to hold; leave out hold, or the limit"
         )
+    free = solver.solve()
+    edges, (begin, end) = free.motions.mesh.edges, solver.problem.manoeuvre
+    model = solver.problem.model(edges)
     trajectory = trajectory_of(free.motions, free.course.motion, model, tails_of(free.motions, free.course, model))
     require_rest_within((trajectory.before, trajectory.after), bounds)
     if not limited_rates and _excess(trajectory, bounds) <= KEPT:

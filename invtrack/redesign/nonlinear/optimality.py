@@ -10,6 +10,7 @@ from invtrack.arrays import Array
 from invtrack.errors import RedesignError
 from invtrack.redesign.nonlinear.costed import CostedMotions, Course, quadrature_shares
 from invtrack.redesign.nonlinear.ends import solve_semidefinite
+from invtrack.redesign.nonlinear.sweep import Step
 
 LARGEST_GAP = 1e-6
 """Share of its cost that inputs near by may take off a plan that is handed out."""
@@ -47,7 +48,7 @@ class Stationarity:
         return self.inputs + self.start
 
 
-def stationarity(motions: CostedMotions, course: Course, P: Array, cost: float) -> Stationarity:
+def stationarity(motions: CostedMotions, course: Course, step: Step, cost: float) -> Stationarity:
     """That of a motion, by the adjoint equation in continuous time.
 
     A, B, C and D come from central differences along an integration with steps of half the length. Small changes of the input are
@@ -56,9 +57,10 @@ def stationarity(motions: CostedMotions, course: Course, P: Array, cost: float) 
 
     Args:
         motions, course: the conditions, and the motion.
-        P: what is still to come costs x'P x, at the nodes (N + 1, n, n); between them it is interpolated.
+        step: that would still be taken, with its feedback; between nodes P is interpolated.
         cost: of the motion.
     """
+    P = step.P
     fine = replace(motions.scheme, refinement=2 * motions.scheme.refinement)
     S, weights, held = motions.scheme.steps, motions.weights, motions.scheme.count == 1
     nodes = _nodes(motions, course, fine.basis)
@@ -70,18 +72,21 @@ def stationarity(motions: CostedMotions, course: Course, P: Array, cost: float) 
     D_Q = np.swapaxes(D, -1, -2) @ weights.Q_y
     R_u = weights.R + D_Q @ D
     K = np.linalg.solve(R_u, np.swapaxes(B, -1, -2) @ along + D_Q @ C)
+    K = np.zeros_like(K) if held else K  # held inputs answer the state at the start of their hold
     direct = v @ weights.R + (D_Q @ e[..., None])[..., 0]  # r without the costate
     drive = x @ weights.Q_x + (np.swapaxes(C, -1, -2) @ (e @ weights.Q_y)[..., None])[..., 0]
     drive = drive - (np.swapaxes(K, -1, -2) @ direct[..., None])[..., 0]
     back, offset = _backward(np.swapaxes(A - B @ K, -1, -2), drive, motions.mesh.lengths)
-    end = motions.ends[1]
+    end, shares = motions.ends[1], quadrature_shares(S)
     costate = np.empty((len(A), S + 1, len(P[0])))
     behind = end.state_weight @ end.away(course.motion.points[-1])
     for k in range(len(A) - 1, -1, -1):
         costate[k] = back[k] @ behind + offset[k]
         behind = costate[k, 0]
+        if held:
+            mean = shares @ (direct[k, ::2] + np.einsum("jab,ja->jb", B[k, ::2], costate[k]))
+            behind = behind - motions.mesh.lengths[k] * mean @ step.K[k]
     r = direct[:, ::2] + (np.swapaxes(B[:, ::2], -1, -2) @ costate[..., None])[..., 0]
-    shares = quadrature_shares(S)
     if held:
         r = np.repeat(np.einsum("j,kjm->km", shares, r)[:, None], S + 1, axis=1)
     gain = np.sum(r * np.linalg.solve(R_u[:, ::2], r[..., None])[..., 0], axis=2) @ shares * motions.mesh.lengths

@@ -49,6 +49,12 @@ FIRST_SHARE = 3e-2
 STATIONARY = 1e-10
 """Share of its cost that other inputs could take off a plan, at most: its inputs are then right to about the root of that."""
 
+HELD_REFINEMENT = 8
+"""Steps of integration per half of a hold, at most, that are taken for this reason."""
+
+HELD_STATIONARY = 1e-8
+"""The same for inputs that are held, where only shorter steps of integration make them better."""
+
 WIDESPREAD = 0.25
 """Where the integration is too coarse on fewer elements than this share, these are split; else all take shorter steps."""
 
@@ -115,14 +121,14 @@ class LeastCostMotion:
 
     def solve(self) -> Optimum:
         """The motion. Raises RedesignError."""
-        scheme = Scheme(COUNT, (), REFINEMENT) if self.hold is None else Scheme(1, ())
+        scheme = Scheme(COUNT if self.hold is None else 1, (), REFINEMENT)
         motions = self.motions_on(scheme, self._first_mesh(), 1)
         course = self._at_rest(motions)
         log: tuple[GaussNewtonStep, ...] = ()
         while True:
             course, step, log = converged(motions, course, log, self.unit)
             cost = motions.cost(course)
-            left = stationarity(motions, course, step.P, cost)
+            left = stationarity(motions, course, step, cost)
             finer = self._finer(motions, course, left)
             if finer is None:
                 left.require()
@@ -218,6 +224,8 @@ class LeastCostMotion:
             parts = parts_for(defect, self.accuracy, DEFECT_ORDER)
         else:
             factor = steps_for(defect, self.accuracy)
+        if self.hold is not None and scheme.refinement < HELD_REFINEMENT and not left.inputs <= HELD_STATIONARY:
+            factor = max(factor, 2)
         if self.hold is None and not left.inputs <= STATIONARY:
             parts = np.maximum(
                 parts, parts_for(np.nan_to_num(left.elements, nan=np.inf) * len(mesh), STATIONARY, STATIONARITY_ORDER)
