@@ -27,3 +27,14 @@ def test_the_linear_inverse_learns_the_way_where_it_is_not_too_long(tmp_path: Pa
     assert cases["3_m_linear_inverse_learned"]["error_share"] < 1e-4  # 0.1 before anything is learned
     assert cases["12_m_linear_inverse_learned"]["status"] == "refused"
     assert cases["12_m_linear_inverse_learned"]["reason"].startswith("learning does not contract")
+
+
+def test_the_redesigned_way_costs_what_it_says_and_less_than_exact_inversion(tmp_path: Path) -> None:
+    words = [word for way in ("redesigned", "exact", "limited") for word in ("--case", f"3_m_{way}")]
+    cases = summary_of("vtol", tmp_path, *words, timestep=4e-3, says="Redesign 3_m")["cases"]
+    redesigned, exact, limited = (cases[f"3_m_{way}"] for way in ("redesigned", "exact", "limited"))
+    for case in (redesigned, limited):
+        assert abs(case["cost"] / case["planned_cost"] - 1) < 1e-4
+        assert case["clamped"] == 0
+    assert redesigned["cost"] < limited["cost"] < exact["cost"] / 2
+    assert limited["peak_departure"] < 0.47 < redesigned["peak_departure"]
