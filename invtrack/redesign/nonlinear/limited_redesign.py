@@ -94,6 +94,7 @@ def redesign_motion_within(
     free = solver.solve()
     edges, (begin, end) = free.motions.mesh.edges, solver.problem.manoeuvre
     model = solver.problem.model(edges)
+    bounds = bounds_of(limits, model)
     trajectory = trajectory_of(free.motions, free.course.motion, model, tails_of(free.motions, free.course, model))
     require_rest_within((trajectory.before, trajectory.after), bounds)
     if not limited_rates and _excess(trajectory, bounds) <= KEPT:
@@ -117,8 +118,9 @@ def redesign_motion_within(
     for _ in range(MOST_WIDENINGS):
         found = task.solve(margins)
         model = solver.problem.model(found.motions.mesh.edges)
+        task = replace(task, bounds=bounds_of(limits, model))  # the rest in force changes at an edge of the mesh
         trajectory = trajectory_of(found.motions, found.course.motion, model, tails_of(found.motions, found.course, model))
-        wider = _widened(margins, trajectory, bounds)
+        wider = _widened(margins, trajectory, task.bounds)
         if wider == margins:
             return _plan(task, found, trajectory, unit=unit, tolerance=tolerance, reach=reach)
         margins = wider
