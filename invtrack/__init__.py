@@ -3,6 +3,7 @@
     plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
 
 Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `references`, `plans`, `inversion`,
+`advice`, `report`, `sweeps`, `testing`, `command`.
 `advice`, `sweeps`, `testing`, `command`.
 `redesign`, `preview`, `regulation`, `control`, `baselines`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`,
 `redesign`, `regulation`, `control`, `baselines`, `mechanisms`, `simulation`, `results`, `learning`, `recording`, `figures`,
@@ -37,6 +38,7 @@ if TYPE_CHECKING:  # what __getattr__ does, for type checkers and editors
     from invtrack import redesign as redesign
     from invtrack import references as references
     from invtrack import regulation as regulation
+    from invtrack import report as report
     from invtrack import results as results
     from invtrack import simulation as simulation
     from invtrack import studies as studies
@@ -159,6 +161,7 @@ _ROOMS: dict[str, tuple[str, ...]] = {
     "recording": ("load_recording", "save_recording"),
     "figures": (),
     "advice": ("Move", "advise"),
+    "report": (),
     "sweeps": (),
     "studies": (),
     "command": (),

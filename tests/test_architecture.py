@@ -55,6 +55,7 @@ ROOMS: dict[str, set[str]] = {
         "mujoco",
         "rich",
     },
+    "report": {"plans", "results", "recording", "figures", "studies", "advice"},
     "sweeps": {"results", "recording", "studies", "pyarrow", *THEORY},
     "studies": {"plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
     "testing": {

@@ -167,10 +167,8 @@ class _Search:
             smoothness.setdefault(trial.method, trial.smoothness)
         open_to_it = {way.name: way for way in self._ways() if way.durations}
         found = [(open_to_it[name], best) for name, best in smoothness.items() if name in open_to_it][:count]
-        within = open_to_it["constrained redesign"]
-        if self.task.bounds and all(way is not within for way, _ in found):
-            found += [(within, each) for each in within.smoothnesses(self.task)]
-        return found
+        missing = [way for way in open_to_it.values() if way.within_limits and way.name not in smoothness]
+        return found + [(way, each) for way in missing for each in way.smoothnesses(self.task)]
 
     def recommended(self, *, fastest: bool) -> Trial | None:
         """The choice among what was tried, which stays stable with parameters off."""

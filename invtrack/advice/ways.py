@@ -68,6 +68,7 @@ class Way:
         offsets: smoothnesses of the motion that are tried, counted from what the inverse needs; several where the method cares.
         durations: whether shorter motions are tried, too.
         mechanism: whether it takes a Plant.
+        within_limits: whether it only applies where limits act.
     """
 
     name: str
@@ -75,6 +76,7 @@ class Way:
     offsets: Sequence[int] = (0,)
     durations: bool = False
     mechanism: bool = False
+    within_limits: bool = False
 
     def smoothnesses(self, task: Task) -> list[int]:
         """Those that are tried, at least 1."""
@@ -221,7 +223,7 @@ def _approximate(kind: str) -> Callable[[Point], Sequence[Line]]:
 WAYS: tuple[Way, ...] = (
     Way("quadratic redesign", _quadratic(1.0), offsets=(-2, -1, 0, 2), durations=True),
     Way("quadratic redesign", _quadratic(TIGHTER), offsets=(-1, 0, 2)),
-    Way("constrained redesign", _constrained, offsets=(-1, 0), durations=True),
+    Way("constrained redesign", _constrained, offsets=(-1, 0), durations=True, within_limits=True),
     Way("stable inversion", _exact, offsets=(-1, 0, 2), durations=True),
     Way("stable inversion of the motion", _motion, mechanism=True),
     Way("modified inversion", _modified),

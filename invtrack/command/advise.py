@@ -17,9 +17,10 @@ from invtrack.files import replaced_when_complete
 from invtrack.plant import Plant
 from invtrack.redesign import Limits
 from invtrack.references import load_reference
+from invtrack.report import write_report
 from invtrack.studies.session import progress
 
-PROGRAM, ADVICE = "program.py", "advice.json"
+PROGRAM, ADVICE, PAGE = "program.py", "advice.json", "report.html"
 """What is kept in the folder of --out."""
 
 
@@ -74,6 +75,7 @@ class Advise(Motion):
             advice.show()
         if self.out is not None:
             self.out.mkdir(parents=True, exist_ok=True)
+            write_report(advice, self.out / PAGE)
             for name, text in ((ADVICE, json.dumps(advice.as_dict(), indent=2, allow_nan=False)), (PROGRAM, advice.program)):
                 with replaced_when_complete(self.out / name) as draft:
                     draft.write_text(text + "\n", encoding="utf-8")

@@ -11,6 +11,7 @@ import tyro
 
 from invtrack.command.advise import Advise
 from invtrack.command.doctor import Doctor
+from invtrack.command.report import Report
 from invtrack.command.run import Run
 from invtrack.command.shipped_studies import ShippedStudy, run_study
 from invtrack.command.view import Compare, View
@@ -23,6 +24,7 @@ Command = (
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
+    | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[ShippedStudy, tyro.conf.subcommand("study")]
     | Annotated[Doctor, tyro.conf.subcommand("doctor")]
 )

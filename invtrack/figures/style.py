@@ -6,15 +6,18 @@ its figures at its top, and reads its options and starts its first simulation wi
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from itertools import pairwise, product
+from itertools import count, pairwise, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
 
 import numpy as np
 
-from invtrack.arguments import file_path, instance
+from invtrack.arguments import file_path, instance, require_text
 from invtrack.arrays import Array
 from invtrack.errors import InvtrackError
 from invtrack.figures.panels import window_of
@@ -64,6 +67,13 @@ _STYLE: dict[Any, Any] = {
     "ytick.labelsize": 8,
 }
 
+_REFERENCE = re.compile(r"#([^)\"]+)")
+_numbers = count(1)
+"""Figures of one page have ids of their own."""
+
+for _prefix, _space in (("", "http://www.w3.org/2000/svg"), ("xlink", "http://www.w3.org/1999/xlink")):
+    ElementTree.register_namespace(_prefix, _space)
+
 MAX_BINS = 1500  # about one for each pixel that a panel is wide
 
 DECADES_SHOWN = 16  # below the peak: what is smaller than that is rounding in double precision
@@ -92,9 +102,9 @@ def new_figure(title: str, *, width: float = 8.0, height: float) -> Figure:
 
 def legend_below(figure: Figure, handles: Sequence[Any], labels: Sequence[str], *, columns: int = 4) -> None:
     """A legend of all panels below them, in as many columns, up to `columns`, as fit beside each other."""
-    for count in range(columns, 0, -1):
-        legend = figure.legend(handles, labels, loc="outside lower left", ncols=count)
-        if count == 1 or legend.get_window_extent().width <= figure.bbox.width:
+    for number in range(columns, 0, -1):
+        legend = figure.legend(handles, labels, loc="outside lower left", ncols=number)
+        if number == 1 or legend.get_window_extent().width <= figure.bbox.width:
             return
         legend.remove()
 
@@ -142,6 +152,39 @@ def save_figure(figure: Figure, path: str | Path) -> Path:
     with shared_style(), replaced_when_complete(target) as draft:
         figure.savefig(draft, format="png", dpi=DPI)
     return target
+
+
+def svg_text(figure: Figure, *, title: str) -> str:
+    """A figure as an <svg> element for a page: it takes the width that it is given, and `title` is read to who does not see it.
+
+    Raises InvtrackError for what is no figure.
+    """
+    from matplotlib.figure import Figure
+
+    instance("figure", figure, Figure, expected="a figure, such as tracking_figure(result)", error=InvtrackError)
+    require_text("title", title, error=InvtrackError)
+    drawn = io.StringIO()
+    with shared_style():
+        figure.savefig(drawn, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    element = ElementTree.fromstring(drawn.getvalue())
+    for name in ("width", "height"):
+        element.attrib.pop(name, None)
+    prefix = f"f{next(_numbers)}-"
+    ids = {each.attrib["id"] for each in element.iter() if "id" in each.attrib}
+    element.attrib |= {"role": "img", "aria-label": title}
+    for each in list(element):  # what matplotlib says of itself
+        if each.tag.endswith("metadata"):
+            element.remove(each)
+    for each in element.iter():
+        for name, value in each.attrib.items():
+            named = value if name == "id" else ""
+            each.attrib[name] = prefix + named if named else _REFERENCE.sub(lambda found: _renamed(found[1], ids, prefix), value)
+    return ElementTree.tostring(element, encoding="unicode")
+
+
+def _renamed(name: str, ids: set[str], prefix: str) -> str:
+    """A reference to an element of the figure, if it is one."""
+    return f"#{prefix}{name}" if name in ids else f"#{name}"
 
 
 def envelope(time: Array, values: Array, *, bins: int = MAX_BINS) -> tuple[Array, Array]:

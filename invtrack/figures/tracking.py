@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INCHES_PER_PANEL = 1.7
+COLUMN_INCHES = 4.6
 LEGEND_COLUMNS, LEGEND_INCHES, ENTRY_INCHES = (
     3,
     3.7,
@@ -79,6 +80,24 @@ def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = N
             column[-1].set_xlabel("time [s]")
         left.align_ylabels()
         right.align_ylabels()
+    return figure
+
+
+def column_figure(result: RunResult, *, window: tuple[float, float] | None = None) -> Figure:
+    """Output against reference, tracking error and input of one run in one narrow column, for a page or a phone.
+
+    `window` as for `tracking_figure`. Raises InvtrackError for a window outside the run.
+    """
+    require_run(result)
+    window = shown_window(result, window)
+    with shared_style():
+        figure = new_figure("", width=COLUMN_INCHES, height=2 * COLUMN_INCHES / 1.6)
+        panels = figure.subplots(3, 1, sharex=True)
+        for axes, draw in zip(panels, (_draw_output, _draw_error, _draw_input), strict=True):
+            draw(axes, result, window)
+            mark_intervals(axes, result, window, labelled=axes is panels[0])
+        panels[-1].set_xlabel("time [s]")
+        figure.align_ylabels()
     return figure
 
 

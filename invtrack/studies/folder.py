@@ -101,6 +101,16 @@ class RunFolder:
             draft.write_text(text + "\n", encoding="utf-8")
 
 
+def add_to_run(folder: Path, name: str) -> None:
+    """List a file, written later, among those of a run that has ended, so that the next run in its folder removes it."""
+    path = folder / SUMMARY
+    content = json.loads(path.read_text(encoding="utf-8"))
+    if name not in content["files"]:
+        content["files"].append(name)
+        with replaced_when_complete(path) as draft:
+            draft.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+
+
 def _files_listed(summary: Path) -> list[str] | None:
     """The plain names that the summary of an earlier run lists, None where this is no summary of a run."""
     try:

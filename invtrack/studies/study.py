@@ -37,12 +37,13 @@ from invtrack.results.result import RunResult
 from invtrack.simulation.linear_plant import LinearPlant
 from invtrack.studies.folder import RunFolder, Status
 from invtrack.studies.options import StudyOptions
+from invtrack.studies.origin import made_by, plan_in_words
 from invtrack.studies.session import DivergedError, MissingError, Session
 from invtrack.studies.table import Column, Rows, print_table
 
 COMPLETE, REFUSED, DIVERGED, INTERRUPTED = 0, 1, 3, 130  # 2: tyro's, as everybody's; 130: 128 + SIGINT, as shells report it
 
-RESERVED = {"study", "status", "model", "timestep", "seed", "cases", "warnings", "files"}
+RESERVED = {"study", "status", "model", "timestep", "seed", "cases", "plans", "made_by", "warnings", "files"}
 """What the summary says of every study."""
 
 Figure = Any
@@ -174,8 +175,9 @@ class Study(Generic[Options]):
     def run(self, options: Options) -> dict[str, Any]:
         """Run the study and return its summary, as it stands in summary.json.
 
-        {"study", "status": "complete" or "diverged", "model", the options that matter, "cases": {case: {metric: number in SI
-        units, ..., "status"}}, sweeps and sections by key, "files": names of the files written}. An interruption
+        {"study", "status": "complete" or "diverged", "model", the options that matter, "made_by": {"command", "versions"}, "cases":
+        {case: {metric: number in SI units, ..., "status"}}, "plans": {case: its method, certificate and remarks}, sweeps and
+        sections by key, "files": names of the files written}. An interruption
         leaves a summary with the status "interrupted" and the cases done, and is then raised again; after any other
         failure they stand in unfinished.json.
 
@@ -189,7 +191,7 @@ class Study(Generic[Options]):
         run = _Run(self.name, setup, options, session, folder)
         folder.begin()
         try:
-            folder.keep(study=self.name, model=", ".join(models), **options.that_matter(), cases={})
+            folder.keep(study=self.name, model=", ".join(models), **options.that_matter(), made_by=made_by(), cases={}, plans={})
             run.cases(chosen[0])
             run.sweeps(chosen[1])
             run.sections()
@@ -221,12 +223,13 @@ class _Run:
     options: StudyOptions
     session: Session
     folder: RunFolder
+    plans: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def cases(self, cases: Sequence[Case]) -> None:
         for number, case in enumerate(cases, start=1):
             with self.session.activity(f"{case.name} ({number} of {len(cases)})"):
                 self.session.numbers[case.name] = self._case(case)
-                self.folder.keep(cases=self.session.numbers)
+                self.folder.keep(cases=self.session.numbers, plans=self.plans)
 
     def _case(self, case: Case) -> dict[str, Any]:
         """Simulate, record and draw one case, and return its numbers."""
@@ -238,6 +241,7 @@ class _Run:
             return {"status": "refused", "reason": str(error)}
         if case.refused_by is not None:
             raise InvtrackError(f"case {case.name!r} was to be refused with a {case.refused_by.__name__}, but it was planned")
+        self.plans[case.name] = plan_in_words(controller.plan)
         result = self.session.tried(case.plant, controller, name=case.name, **case.settings)
         if case.recorded:
             from invtrack.recording import save_recording  # loads Rerun, which no study waits for before it has run
