@@ -9,9 +9,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import invtrack
+from invtrack.advice import ways
 from invtrack.command import main
 from invtrack.command.mechanism import assignment
 from invtrack.command.motion import seconds
@@ -94,6 +96,28 @@ def test_a_table_of_wanted_outputs(folder: Path) -> None:
     assert run.reference.values[-1, 0] == pytest.approx(0.5)
 
 
+def test_advice_comes_with_a_program_that_runs_by_itself(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chosen = tuple(way for way in ways.WAYS if way.name in ("stable inversion", "feedback alone"))
+    monkeypatch.setitem(invtrack.advise.__globals__, "WAYS", chosen)
+    asked = ("--move", "1", "--in", "3", "--limit", "drive=12", "--parameter-error", "body:load:mass=10%")
+    words = (*asked, "--max-preactuation", "500ms", "--timestep", "4e-3", "--json", "--out", "advice")
+    assert status_of("advise", "crane.xml", "-y", "site:load:x", *words) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["recommended"]["method"] == "stable inversion"
+    assert found["recommended"]["peak_input"] <= 12
+    assert found["parameters_off"] == ["body:load:mass -10 %", "body:load:mass +10 %"]
+    assert found["recommended"]["error"] < found["recommended"]["error_off"] < 0.01
+    assert "Take stable inversion" in (folder / "advice" / "report.html").read_text()
+    names: dict[str, Any] = {}
+    exec(compile((folder / "advice" / "program.py").read_text(), "program.py", "exec"), names)
+    error = np.max(np.abs(names["result"].output.values - names["result"].reference.values))
+    assert error == found["recommended"]["error"]
+    monkeypatch.setitem(invtrack.advise.__globals__, "LONGER", ())
+    assert status_of("advise", "crane.xml", "-y", "site:load:x", "--move", "1", "--limit", "drive=1", "--quiet") == 1
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
@@ -104,6 +128,13 @@ def test_a_table_of_wanted_outputs(folder: Path) -> None:
         (["run", "crane.xml", "-y", "site:load:x"], "--move: expected one distance for each of site:load:x, got 0"),
         (["run", "crane.xml", "-y", "site:load:x", "--move", "1", "--set", "mass"], "--set: expected NAME=NUMBER"),
         (["run", "crane.xml", "-y", "site:load:x", "--move", "1", "--period", "fast"], "--period: expected a time such as 5ms"),
+        (["advise", "crane.xml", "-y", "site:load:x", "--move", "1", "--error", "much"], "--error: expected a share such as 1%"),
+        (
+            ["advise", "crane.xml", "-y", "site:load:x", "--move", "1", "--limit", "x=1"],
+            "--limit: expected NAME=VALUE with one of drive",
+        ),
+        (["advise", "crane.xml", "-y", "site:load:x", "--move", "1", "--limit", "drive=-1"], "--limit: expected a positive number"),
+        (["report", "nowhere"], "nowhere: expected the folder of a run that has ended"),
         (["study", "nothing"], "there is no study 'nothing'; there are: "),
         (["compare", "nothing.rrd"], "nothing.rrd: expected a recording (.rrd) or a folder with some"),
     ],

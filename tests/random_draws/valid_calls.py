@@ -32,6 +32,7 @@ from invtrack import (
     redesign,
     references,
     regulation,
+    report,
     results,
     studies,
     testing,
@@ -39,6 +40,7 @@ from invtrack import (
 from tests.synthetic_runs import two_mode_run
 
 ROOMS = (
+    "advice",
     "baselines",
     "control",
     "figures",
@@ -53,6 +55,7 @@ ROOMS = (
     "redesign",
     "references",
     "regulation",
+    "report",
     "results",
     "simulation",
     "studies",
@@ -96,6 +99,7 @@ NOT_DOORS = {
     *("Chain", "Dynamics", "Mechanism", "mechanism"),
     *("Learned", "LearningStep"),
     *("Foreseen", "PlanPiece", "PreviewBound", "PreviewPlanner", "WorstReference"),
+    *("Advice", "Trial"),
     *("Dynamics", "Mechanism", "mechanism"),
     *("Controller", "Law", "Observer", "PlanFollower", "Parameter", "Stepper", "Line", "Cell", "Rows"),
     # of studies: made of functions, checked where the study runs
@@ -694,6 +698,23 @@ def _calls() -> dict[str, Call]:
             state=[0.1, 0.2],
             tolerance=1e-8,
         ),
+        "column_figure": call(figures.column_figure, result=vibrating, window=(-1.0, 1.0)),
+        "svg_text": call(figures.svg_text, figure=figure, title="a"),
+        # advice and report; what is tried is refused before anything is, so that a call takes no time
+        "advise": call(
+            invtrack.advise,
+            plant=model,
+            reference=invtrack.Move(1.0, 1.0),
+            error=0.01,
+            limits=None,
+            parameter_errors=0.0,
+            max_preactuation=None,
+            fastest=False,
+            timestep=0.05,
+            progress=None,
+            callbacks=("progress",),
+        "Move": call(invtrack.Move, by=1.0, duration=1.0),
+        "write_report": call(report.write_report, source=run, path="report.html", error=0.01),
         # studies
         "StudyOptions": call(studies.StudyOptions, out=None, timestep=1e-3, case=(), seed=0, json=False, quiet=True, figures=False),
         "Column": call(studies.Column, name="max error", unit="m", key="max_error"),

@@ -15,9 +15,10 @@ from invtrack.advice import Advice, ways
 from invtrack.command import main
 from invtrack.errors import FileError, InvtrackError
 from invtrack.report import write_report
-from invtrack.report.verdict import verdict
+from invtrack.report.verdict import percent, verdict
 from invtrack.results import Event, RunResult
 from invtrack.studies import Case, Setup, Study, StudyOptions
+from invtrack.studies.folder import RunFolder
 from tests.advice.plants import crane, mass
 from tests.report.browser import Layout, opened
 
@@ -87,8 +88,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def pages(runs: dict[str, RunResult], advice: Advice, folder: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     here = tmp_path_factory.mktemp("pages")
     named = replace(runs["redesign"], name="a" * 80, remarks=("<script>alert(1)</script>",), model="a long & strange <name>")
-    sources = {"one": runs["exact"], "several": list(runs.values()), "strange": named, "advice": advice, "study": folder}
-    return {name: write_report(source, here / f"{name}.html").read_text(encoding="utf-8") for name, source in sources.items()}
+    with pytest.raises(SystemExit) as left:
+        main(["report", str(folder)])
+    assert not left.value.code
+    written = {"strange": write_report(named, here / "strange.html"), "advice": write_report(advice, here / "advice.html")}
+    return {name: path.read_text(encoding="utf-8") for name, path in {**written, "study": folder / "report.html"}.items()}
 
 
 def verdict_of(page: str) -> str:
@@ -99,9 +103,13 @@ def verdict_of(page: str) -> str:
 
 def test_the_verdict_says_how_well_it_tracks_and_why_not(pages: dict[str, str], runs: dict[str, RunResult]) -> None:
     share = np.max(np.abs(runs["exact"].output.values - runs["exact"].reference.values))
-    assert verdict_of(pages["one"]).startswith("Tracks within ")
-    assert f"{100 * share:.2e}".split("e")[0] in verdict_of(pages["one"])
-    assert verdict_of(pages["several"]).startswith("1 of 3 cases track within 1 %")
+    found = verdict({"exact": runs["exact"]}, 0.01, reasons={}, plans={})
+    assert found.good
+    assert found.headline == f"Tracks within {percent(share)} of the motion"
+    assert float(percent(share).split()[0]) == pytest.approx(100 * share, rel=5e-3)
+    found = verdict(runs, 0.01, reasons={}, plans={})
+    assert found.headline == "1 of 3 cases track within 1 %"
+    assert found.why.startswith("Best is exact, which misses by ")
     assert verdict_of(pages["strange"]).startswith("Misses by")
     assert "gives up that much of the motion" in verdict_of(pages["strange"])
     assert verdict_of(pages["study"]).startswith("1 of 2 cases track within 1 %")
@@ -168,13 +176,11 @@ def test_in_a_browser_pages_ask_for_nothing_and_the_console_stays_empty(
     assert console == ""
 
 
-def test_the_command_writes_into_the_folder_and_the_next_run_removes_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["report", str(folder), "--error", "99.9%"])
-    assert not left.value.code
-    assert capsys.readouterr().out == f"{folder / 'report.html'}\n"
-    assert "2 of 2 cases track within 99.9 %" in (folder / "report.html").read_text()
+def test_the_page_is_among_the_files_that_the_next_run_removes(pages: dict[str, str], folder: Path) -> None:
     assert "report.html" in json.loads((folder / "summary.json").read_text())["files"]
+    again = RunFolder(folder)
+    again.begin()
+    assert not list(folder.iterdir())
 
 
 def test_what_there_is_no_report_of_is_refused(tmp_path: Path) -> None:
