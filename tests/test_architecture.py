@@ -57,7 +57,7 @@ ROOMS: dict[str, set[str]] = {
     },
     "report": {"plans", "results", "recording", "figures", "studies", "advice"},
     "sweeps": {"results", "recording", "studies", "pyarrow", *THEORY},
-    "studies": {"plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
+    "studies": {"plans", "plant", "control", "results", "simulation", "recording", "figures", "rich", "tyro"},
     "testing": {
         "linear",
         "references",

@@ -700,11 +700,11 @@ def _calls() -> dict[str, Call]:
         ),
         "column_figure": call(figures.column_figure, result=vibrating, window=(-1.0, 1.0)),
         "svg_text": call(figures.svg_text, figure=figure, title="a"),
-        # advice and report; what is tried is refused before anything is, so that a call takes no time
+        # advice and report
         "advise": call(
             invtrack.advise,
             plant=model,
-            reference=invtrack.Move(1.0, 1.0),
+            reference=slew,
             error=0.01,
             limits=None,
             parameter_errors=0.0,
