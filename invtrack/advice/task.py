@@ -209,7 +209,9 @@ def _sides(value: Any, count: int) -> tuple[Array, Array]:
 def _off(plant: Plant | None, errors: Any) -> dict[str, Any]:
     """What the plant may be besides, by a readable name: factors of parameters, or what was given in place of a linear model."""
     if plant is None:
-        return dict(by_name("parameter_errors", errors or {}, expected="other linear models by their names", error=PlanError))
+        none = isinstance(errors, int | float) and errors == 0
+        expected = "other linear models by their names"
+        return {} if none else dict(by_name("parameter_errors", errors, expected=expected, error=PlanError))
     if not isinstance(errors, Mapping):
         share = finite_number("parameter_errors", errors, error=PlanError)
         errors = dict.fromkeys(parameters_that_matter(plant), share) if share else {}
