@@ -53,6 +53,7 @@ class Trial:
             not tried.
         misses: in what it falls short of what was asked, by a word for it ("error", "limits", "preactuation", "stability"); empty
             where it does all of it.
+        settings: the controller, and the other arguments of the run.
     """
 
     method: str
@@ -169,10 +170,9 @@ class Bench:
         controller: TrackingController = settings.pop("controller")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
-            if isinstance(off, SwitchedSystem):
-                return simulate(LinearPlant(off), controller, **settings)
             plant = self.task.plant
-            assert plant is not None
+            if isinstance(off, SwitchedSystem) or plant is None:
+                return simulate(LinearPlant(off), controller, **settings)
             other, options = with_factors(plant, trial.plan, off, settings)
             return simulate(other, controller, **options)
 

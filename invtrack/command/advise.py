@@ -16,7 +16,7 @@ from invtrack.errors import InvtrackError
 from invtrack.files import replaced_when_complete
 from invtrack.plant import Plant
 from invtrack.redesign import Limits
-from invtrack.references import load_reference
+from invtrack.references import PiecewiseSignal, load_reference
 from invtrack.report import write_report
 from invtrack.studies.session import progress
 
@@ -58,8 +58,11 @@ class Advise(Motion):
             "fastest": self.fastest,
             "timestep": self.timestep,
         }
-        reference = Move(self.distances(plant), self.duration)
-        given = reference if self.reference is None else load_reference(self.reference, channels=plant.outputs)
+        given: Move | PiecewiseSignal
+        if self.reference is None:
+            given = Move(self.distances(plant), self.duration)
+        else:
+            given = load_reference(self.reference, channels=plant.outputs)
         if self.quiet or self.json:
             found = advise(plant, given, **options)
         else:
