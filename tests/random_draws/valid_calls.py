@@ -711,8 +711,6 @@ def _calls() -> dict[str, Call]:
             max_preactuation=None,
             fastest=False,
             timestep=0.05,
-            progress=None,
-            callbacks=("progress",),
         ),
         "Move": call(invtrack.Move, by=1.0, duration=1.0),
         "write_report": call(report.write_report, source=run, path="report.html", error=0.01),
