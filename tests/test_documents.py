@@ -56,3 +56,25 @@ def test_the_program_of_the_readme_tracks_and_leaves_a_recording(tmp_path: Path,
 
 def test_there_are_programs_to_run() -> None:
     assert len(GUIDE) >= 10
+
+
+PAGES = ["README.md", "CHANGELOG.md", *(path.relative_to(CHECKOUT).as_posix() for path in sorted((CHECKOUT / "docs").glob("*.md")))]
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_links_lead_to_files_and_headings_that_are_there(page: str) -> None:
+    text = re.sub(r"^```.*?^```", "", (CHECKOUT / page).read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if "://" in target:
+            continue
+        name, _, heading = target.partition("#")
+        linked = (CHECKOUT / page).parent / name if name else CHECKOUT / page
+        assert linked.exists(), f"{page}: {target}"
+        if heading:
+            assert heading in anchors(linked), f"{page}: {target}"
+
+
+def anchors(path: Path) -> set[str]:
+    """The names by which headings of a page are linked to."""
+    headings = re.findall(r"^#+ (.*)$", path.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
