@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import sys
 import time
@@ -164,10 +165,8 @@ def _compute(
     try:
         report(0)
         while True:
-            for i in remaining:
+            for i in itertools.islice(remaining, IN_FLIGHT - len(waiting)):
                 waiting[pool.submit(procedure.outcome, design.points[i], design.seeds[i])] = i
-                if len(waiting) >= IN_FLIGHT:
-                    break
             if not waiting:
                 break
             done, _ = wait(waiting, timeout=SECONDS_BETWEEN_PARTS, return_when=FIRST_COMPLETED)

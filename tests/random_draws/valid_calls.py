@@ -298,6 +298,7 @@ def _calls() -> dict[str, Call]:
         "feasibility": call(inversion.feasibility, model=model, reference=slew, R=2.0),
         "modified_inversion": call(
             invtrack.modified_inversion,
+            callbacks=("progress",),
             model=antistable,
             reference=slew,
             **modified,
@@ -308,6 +309,9 @@ def _calls() -> dict[str, Call]:
             tolerance=1e-8,
             max_preactuation=3.0,
             max_postactuation=3.0,
+            schedule=(),
+            accuracy=1e-8,
+            progress=None,
         ),
         "modified_inversion of named zeros": call(
             invtrack.modified_inversion, model=antistable, reference=slew, move={2.0: 4.0}, error_poles=[-3.0]
@@ -703,6 +707,7 @@ def _calls() -> dict[str, Call]:
         # advice and report
         "advise": call(
             invtrack.advise,
+            callbacks=("progress",),
             plant=model,
             reference=slew,
             error=0.01,
@@ -711,6 +716,7 @@ def _calls() -> dict[str, Call]:
             max_preactuation=None,
             fastest=False,
             timestep=0.05,
+            progress=None,
         ),
         "Move": call(invtrack.Move, by=1.0, duration=1.0),
         "write_report": call(report.write_report, source=run, path="report.html", error=0.01),

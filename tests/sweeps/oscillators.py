@@ -83,6 +83,7 @@ def _kill_at_part(number: int) -> None:
 
 def main(out: Path, *words: str) -> None:
     running.SECONDS_BETWEEN_PARTS = 0.0
+    running.IN_FLIGHT = 2  # many parts, however fast the points are
     options = dict(zip(words[::2], words[1::2], strict=True))
     if "--killed-at" in options:
         _kill_at_part(int(options["--killed-at"]))

@@ -103,7 +103,7 @@ def _require_places(places: ComplexArray) -> None:
     if not np.all(np.isfinite(places)) or np.any(np.abs(places.real) <= AXIS_TOLERANCE * np.abs(places)):
         raise InversionError(
             "zeros must be moved off the imaginary axis (to the right: preactuation, to the left: postactuation), got "
-            f"{format_zeros(places)}"
+            f"{', '.join(f'{place:.4g}' for place in places)}"
         )
 
 
