@@ -52,7 +52,7 @@ class Machine:
         output: the one whose error is shown.
         previews: how far ahead [s].
         period: between updates [s].
-        planner, plan: made for a preview and a period.
+        planner, plan: made for a preview and a period; of the inverse unless stated.
         completely: makes the plan that knows everything.
         bound: of a planner.
         exact: whether the plan's output is to be the wanted one, and not that of the complete plan.
@@ -66,9 +66,9 @@ class Machine:
     output: int
     previews: tuple[float, ...]
     period: float
-    planner: Callable[..., preview.PreviewPlanner]
-    plan: Callable[..., invtrack.Plan]
-    completely: Callable[..., invtrack.Plan]
+    planner: Callable[..., preview.PreviewPlanner] = preview.inversion_planner
+    plan: Callable[..., invtrack.Plan] = preview.preview_inversion
+    completely: Callable[..., invtrack.Plan] = invtrack.invert
     exact: bool = True
     settings: Mapping[str, Any] = field(default_factory=dict)
 
@@ -160,9 +160,6 @@ def cantilever() -> Machine:
         output=0,
         previews=(2.0, 8.0, 16.0, 32.0, 48.0),
         period=0.25,
-        planner=preview.inversion_planner,
-        plan=preview.preview_inversion,
-        completely=invtrack.invert,
     )
 
 
@@ -179,9 +176,6 @@ def beam() -> Machine:
         output=0,
         previews=(0.05, 0.1, 0.2, 0.3, 0.4),
         period=0.01,
-        planner=preview.inversion_planner,
-        plan=preview.preview_inversion,
-        completely=invtrack.invert,
         settings={"timestep": 1e-3},  # its fastest zero is 640 rad/s
     )
 
@@ -198,9 +192,6 @@ def hovering() -> Machine:
         output=2,
         previews=(2.0, 10.0, 20.0, 40.0, 80.0),
         period=0.25,
-        planner=preview.inversion_planner,
-        plan=preview.preview_inversion,
-        completely=invtrack.invert,
     )
 
 
