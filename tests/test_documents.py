@@ -19,10 +19,15 @@ CHECKOUT = Path(__file__).parents[1]
 def sections(document: str) -> dict[str, list[str]]:
     """The Python blocks under each heading."""
     found: dict[str, list[str]] = {}
-    for part in re.split(r"^#+ ", (CHECKOUT / document).read_text(encoding="utf-8"), flags=re.MULTILINE):
-        blocks = re.findall(r"^```python\n(.*?)^```", part, flags=re.MULTILINE | re.DOTALL)
-        if blocks:
-            found[part.partition("\n")[0]] = blocks
+    heading = ""
+    pieces = re.finditer(
+        r"^```(\w*)\n(.*?)^```|^#+ ([^\n]*)$", (CHECKOUT / document).read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    )
+    for kind, block, title in (piece.groups() for piece in pieces):
+        if title is not None:
+            heading = title
+        elif kind == "python":
+            found.setdefault(heading, []).append(block)
     return found
 
 
