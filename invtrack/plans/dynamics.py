@@ -10,6 +10,7 @@ from typing import Protocol
 from invtrack.arrays import Array, Indices
 from invtrack.channels import Channels
 from invtrack.linear.state_space import StateSpace
+from invtrack.plans.runge_kutta import Steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,13 +48,13 @@ class Dynamics(Protocol):
         """The tangent coordinates that are states of controllers and plans; the others act on nothing."""
         ...
 
-    def motion(self, points: Array, coefficients: Array, basis: Array, lengths: Array) -> Array:
+    def motion(self, points: Array, coefficients: Array, steps: Steps, lengths: Array) -> Array:
         """The points (k, S + 1, .) on k motions, at their starts and at the ends of S even steps.
 
         Args:
             points: where they start (k, .).
             coefficients: of the polynomials u = sum_i coefficients[:, i] P_i (k, s, m).
-            basis: P_i at the starts, middles and ends of the steps (2 S + 1, s).
+            steps: the S steps, and P_i at their stages.
             lengths: how long they last (k,) [s].
         """
         ...

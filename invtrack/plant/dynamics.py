@@ -18,6 +18,7 @@ from invtrack.arrays import Array, Indices
 from invtrack.channels import Channels
 from invtrack.linear.state_space import StateSpace
 from invtrack.plans.dynamics import Derivatives, Mechanism, mechanism
+from invtrack.plans.runge_kutta import Steps
 from invtrack.plant.configuration import configuration_of, state_of, tangent_units
 from invtrack.plant.linearizable import refuse_constraints, refuse_step_maps
 from invtrack.plant.linearize import linearize
@@ -125,18 +126,17 @@ class PlantDynamics:
             for job in jobs:
                 job.result()
 
-    def motion(self, points: Array, coefficients: Array, basis: Array, lengths: Array) -> Array:
+    def motion(self, points: Array, coefficients: Array, steps: Steps, lengths: Array) -> Array:
         """The points (k, S + 1, .) on k motions; see `Dynamics.motion`.
 
         Args:
-            points, coefficients, basis, lengths: see `Dynamics.motion`.
+            points, coefficients, steps, lengths: see `Dynamics.motion`.
         """
-        nodes = np.full((len(points), (len(basis) + 1) // 2, points.shape[1]), np.nan)
+        nodes = np.full((len(points), steps.number + 1, points.shape[1]), np.nan)
         given = [np.ascontiguousarray(array, dtype=float) for array in (points, coefficients, lengths)]
-        values = np.ascontiguousarray(basis, dtype=float)
 
         def work(own: Machine, part: slice) -> None:
-            own.integrate(given[0][part], given[1][part], values, given[2][part], nodes[part])
+            own.integrate(given[0][part], given[1][part], steps, given[2][part], nodes[part])
 
         self._shared(work, len(points))
         return nodes

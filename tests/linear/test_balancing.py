@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import scipy.sparse.csgraph
 
-from invtrack.linear.scaling import LARGEST_SCALE, balancing_scale
+from invtrack.linear.scaling import LARGEST_SCALE, SMALL, balancing_scale, parts
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -35,3 +36,15 @@ def test_scales_are_powers_of_two_within_bounds() -> None:
         assert scale.shape == (len(M),)
         assert np.array_equal(np.log2(scale), np.rint(np.log2(scale)))
         assert np.all((scale >= 1 / LARGEST_SCALE) & (scale <= LARGEST_SCALE))
+
+
+@pytest.mark.parametrize("one_way", [False, True])
+def test_parts_are_the_components_of_the_graph_whatever_its_size(one_way: bool) -> None:
+    """Of few states and of many, also where entries are tiny, against scipy's search of the graph of entries that are not zero."""
+    rng = np.random.default_rng(0)
+    for size in (1, 2, 3, 17, SMALL, SMALL + 1):
+        M = rng.normal(size=(size, size)) * 1e-30 * (rng.uniform(size=(size, size)) < 1.2 / size)
+        graph = scipy.sparse.csr_array(M != 0)
+        expected = scipy.sparse.csgraph.connected_components(graph, connection="weak" if one_way else "strong")[1]
+        found = parts(M, one_way=one_way)
+        np.testing.assert_array_equal(found[:, None] == found, expected[:, None] == expected)

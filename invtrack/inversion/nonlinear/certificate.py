@@ -13,11 +13,19 @@ from invtrack.linear.state_sizes import comparable_size, unit_ratios
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.certificate import Certificate
 from invtrack.plans.plan import intervals_of_pieces
+from invtrack.plans.runge_kutta import CLASSICAL
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
 
 MOST_STEPS = 6000
 """Steps of the replay, in all: so many elements are replayed, spread evenly over the motion, and those beside breakpoints."""
+
+
+MARGIN, MOST_SHORTER = 0.3, 8
+"""Share of the accuracy that a replay in shorter steps is to reach, and how much shorter they become at once, at most."""
+
+FALLING = 4.0
+"""By how much a residual must fall when steps become shorter for these to have been to blame."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +50,12 @@ class MotionChecks:
 
 
 def certify_motion(
-    shooting: ElementChain, motion: Motion, trajectory: Trajectory, model: SwitchedSystem, reference: PiecewiseSignal
+    shooting: ElementChain,
+    motion: Motion,
+    trajectory: Trajectory,
+    model: SwitchedSystem,
+    reference: PiecewiseSignal,
+    accuracy: float,
 ) -> Certificate:
     """Residuals of a plan, from its values and a replay of its inputs by the plant's own simulator.
 
@@ -51,15 +64,38 @@ def certify_motion(
     planned; continuity: jumps of the plan's states at its breakpoints; rest_residual: what is held outside the window but is not at
     rest, by its rates of change.
 
+    A held input is planned for the steps of its hold, and replayed in these. A continuous one must not depend on them: where a
+    dynamics_residual may be the replay's own error, of fourth order, it is repeated in shorter steps as long as that makes it fall.
+
     Args:
         shooting, motion: the conditions, and the motion that meets them.
         trajectory: what the plan says.
         model: whose rests the trajectory's values count from.
         reference: the wanted outputs, absolute.
+        accuracy: residuals below this are small enough.
+    """
+    held = shooting.scheme.count == 1
+    steps = shooting.scheme.steps if held else shooting.scheme.steps * 3 // 2
+    found = _replayed(shooting, motion, trajectory, model, reference, steps)
+    while not held and accuracy < found.dynamics_residual < np.inf:
+        shorter = int(np.ceil((found.dynamics_residual / (MARGIN * accuracy)) ** (1 / CLASSICAL.order)))
+        steps *= min(max(2, shorter), MOST_SHORTER)
+        before, found = found, _replayed(shooting, motion, trajectory, model, reference, steps)
+        if not found.dynamics_residual < before.dynamics_residual / FALLING:
+            break
+    return found
+
+
+def _replayed(
+    shooting: ElementChain, motion: Motion, trajectory: Trajectory, model: SwitchedSystem, reference: PiecewiseSignal, steps: int
+) -> Certificate:
+    """The same by a replay in so many steps on each element.
+
+    Args:
+        shooting, motion, trajectory, model, reference: see `certify_motion`.
+        steps: on each element.
     """
     mesh, n, m = shooting.mesh, model.n_states, model.n_inputs
-    # A held input is planned for the steps of its hold; a continuous one must not depend on them.
-    steps = shooting.scheme.steps * 3 // 2 if shooting.scheme.count > 1 else shooting.scheme.steps
     even = np.linspace(0, len(mesh) - 1, min(max(1, MOST_STEPS // steps), len(mesh))).astype(np.intp)
     chosen = np.union1d(even, mesh.beside(reference.breakpoints))
     shares = np.arange(1, steps + 1) / steps

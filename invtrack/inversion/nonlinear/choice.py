@@ -14,6 +14,7 @@ from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.inversion.nonlinear.problem import MotionProblem
 from invtrack.inversion.nonlinear.refinement import MOST_PARTS
 from invtrack.linear.internal_dynamics import format_zeros
+from invtrack.plans.runge_kutta import CLASSICAL, EIGHTH_ORDER
 
 LEAST_GAP = 0.3
 """Least |log |lambda|| of the multipliers that stand for no zero with which a scheme is taken."""
@@ -80,8 +81,14 @@ class Choice:
         return result
 
     def with_steps(self, factor: int) -> Choice:
-        """The same with more steps of integration on each element."""
-        return replace(self, scheme=replace(self.scheme, refinement=factor * self.scheme.refinement))
+        """The same with an integration on each element that is as exact as with so many times as many steps, or more so.
+
+        A method of higher order comes before more steps, but where inputs are held for a plant that is itself driven in steps.
+        """
+        scheme = self.scheme
+        if factor > 1 and scheme.count > 1 and scheme.method is CLASSICAL:
+            return replace(self, scheme=replace(scheme, method=EIGHTH_ORDER))
+        return replace(self, scheme=replace(scheme, refinement=factor * scheme.refinement))
 
 
 def choose(problem: MotionProblem, count: int, length: float, *, fixed: bool) -> Choice:

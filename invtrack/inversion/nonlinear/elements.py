@@ -12,10 +12,14 @@ import numpy as np
 
 from invtrack.arrays import Array, Indices
 from invtrack.plans.dynamics import Derivatives, Dynamics
+from invtrack.plans.runge_kutta import CLASSICAL, RungeKutta, Steps, legendre
 
 STEP_ANGLE = 0.25
 """By how much the fastest mode turns over a step [rad] of a map of an element, where the scheme's own steps are no longer: a fourth
 order method is then off by 3e-5 of it."""
+
+MOST_REFINED = 8
+"""Steps of such a map between neighbouring half distances of the points, at most."""
 
 LOOKED_AT = 8
 """Of so many elements the fastest mode is looked for."""
@@ -36,16 +40,23 @@ class Scheme:
         count: s, of the coefficients of each input.
         at_end: for each output, whether the element's end is one of its points.
         refinement: steps of integration between neighbouring half distances of the points.
+        method: of the integration.
     """
 
     count: int
     at_end: tuple[bool, ...]
     refinement: int = 1
+    method: RungeKutta = CLASSICAL
 
     @property
     def steps(self) -> int:
         """Steps of integration per element, S."""
         return 2 * self.count * self.refinement
+
+    @cached_property
+    def integration(self) -> Steps:
+        """The steps."""
+        return Steps(self.method, self.steps, self.count)
 
     @cached_property
     def points(self) -> Indices:
@@ -72,16 +83,16 @@ class Scheme:
     @cached_property
     def spread(self) -> Array:
         """From values at the knots to those at the starts, middles and ends of the steps (2 S + 1, k)."""
-        at = np.linspace(0.0, self.steps, 2 * self.steps + 1)
-        if len(self.knots) == 1:
-            return np.ones((len(at), 1))
-        first, second = self.knots
-        return np.asarray(np.column_stack([second - at, at - first]) / (second - first))
+        return between_knots(self.knots / self.steps, self.steps)
 
 
-def legendre(count: int, shares: Array) -> Array:
-    """The first `count` Legendre polynomials on [0, 1] at shares (k,) of it: (k, count)."""
-    return np.asarray(np.polynomial.legendre.legvander(2 * shares - 1, count - 1), dtype=float)
+def between_knots(knots: Array, steps: int) -> Array:
+    """From values at knots (k,), shares of an element, to those at the starts, middles and ends of so many steps (2 S + 1, k)."""
+    at = np.linspace(0.0, 1.0, 2 * steps + 1)
+    if len(knots) == 1:
+        return np.ones((len(at), 1))
+    first, second = knots
+    return np.asarray(np.column_stack([second - at, at - first]) / (second - first))
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +130,8 @@ class ElementMaps:
 def element_maps(derivatives: Derivatives, scheme: Scheme, lengths: Array) -> ElementMaps:
     """The derivative of classical RK4 over each element, for derivatives of the dynamics at its knots.
 
-    Its steps are those of the scheme, or longer ones that follow the fastest mode as well as an iteration needs.
+    Its steps follow the fastest mode as well as an iteration needs. They are never shorter than the scheme's own where that is
+    integrated by classical RK4 too, as inputs are that are held.
 
     Args:
         derivatives: at the knots of each element, in order (K k, ...).
@@ -132,12 +144,13 @@ def element_maps(derivatives: Derivatives, scheme: Scheme, lengths: Array) -> El
     some = at_knots[0][:: max(1, K // LOOKED_AT), 0]
     turned = float(np.max(np.abs(np.linalg.eigvals(some)), initial=0.0)) * float(np.max(lengths))
     needed = int(np.ceil(turned / (STEP_ANGLE * 2 * scheme.count))) if np.isfinite(turned) else scheme.refinement
-    scheme = replace(scheme, refinement=min(max(1, needed), scheme.refinement))
+    most = scheme.refinement if scheme.method is CLASSICAL else MOST_REFINED
+    rough, knots = replace(scheme, refinement=min(max(1, needed), most)), scheme.knots / scheme.steps
     block = max(1, IN_CACHE // (n * (n + scheme.count * m)))
     parts = [slice(start, start + block) for start in range(0, K, block)]
 
     def work(part: slice) -> ElementMaps:
-        return _maps_of([a[part] for a in at_knots], scheme, lengths[part])
+        return _maps_of([a[part] for a in at_knots], rough, between_knots(knots, rough.steps), lengths[part])
 
     if len(parts) == 1:
         return work(parts[0])
@@ -146,14 +159,14 @@ def element_maps(derivatives: Derivatives, scheme: Scheme, lengths: Array) -> El
     return ElementMaps(*(np.concatenate([getattr(maps, field.name) for maps in found]) for field in fields(ElementMaps)))
 
 
-def _maps_of(at_knots: Sequence[Array], scheme: Scheme, lengths: Array) -> ElementMaps:
-    """The maps of K elements, from A, B, C and D at their knots (K, k, ., .)."""
+def _maps_of(at_knots: Sequence[Array], scheme: Scheme, spread: Array, lengths: Array) -> ElementMaps:
+    """The maps of K elements, from A, B, C and D at their knots (K, k, ., .), which `spread` leads to all instants."""
     K, s, S = len(lengths), scheme.count, scheme.steps
     n, m = at_knots[1].shape[2:]
     p = at_knots[2].shape[2]
 
     def at(which: int, instant: int) -> Array:
-        first, *others = scheme.spread[instant]
+        first, *others = spread[instant]
         result = first * at_knots[which][:, 0]
         for i, weight in enumerate(others):
             result += weight * at_knots[which][:, i + 1]
@@ -204,5 +217,7 @@ def map_at_rest(dynamics: Dynamics, point: Array, inputs: Array, scheme: Scheme,
 def candidate_schemes(count: int, outputs: int) -> Sequence[Scheme]:
     """Schemes to choose from: every choice of points for up to four outputs, beyond that the same for all."""
     if outputs > 4:
-        return [Scheme(count, (end,) * outputs) for end in (False, True)]
-    return [Scheme(count, tuple(bool(number >> i & 1) for i in range(outputs))) for number in range(2**outputs)]
+        choices = [(end,) * outputs for end in (False, True)]
+    else:
+        choices = [tuple(bool(number >> i & 1) for i in range(outputs)) for number in range(2**outputs)]
+    return [Scheme(count, at_end) for at_end in choices]

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from invtrack.inversion.nonlinear.elements import legendre
 from invtrack.inversion.nonlinear.shooting import ElementChain, Motion
 from invtrack.plans.linearizations import Linearizations
+from invtrack.plans.runge_kutta import legendre
 
 
 def linearizations_along(shooting: ElementChain, motion: Motion) -> Linearizations:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from invtrack.arrays import Array, Indices
-from invtrack.inversion.nonlinear.elements import Scheme, legendre
+from invtrack.inversion.nonlinear.elements import Scheme
 from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.inversion.nonlinear.shooting import ElementChain, Motion, Shooting
+from invtrack.plans.runge_kutta import legendre
 from invtrack.references.signal import PiecewiseSignal
 
 MARGIN = 0.3
@@ -105,7 +106,7 @@ def parts_for(error: Array, accuracy: float, order: int) -> Indices:
     return np.asarray(parts)
 
 
-def steps_for(defect: Array, accuracy: float) -> int:
-    """By how much the steps of integration must be shorter for defects (N,), which fall with their fourth power."""
+def steps_for(defect: Array, accuracy: float, order: int) -> int:
+    """By how much the steps of integration must be shorter for defects (N,), which fall with this power of them."""
     worst = float(np.max(defect))
-    return 1 if worst <= accuracy else int(np.clip(np.ceil((worst / (MARGIN * accuracy)) ** 0.25), 2, MOST_STEPS))
+    return 1 if worst <= accuracy else int(np.clip(np.ceil((worst / (MARGIN * accuracy)) ** (1 / order)), 2, MOST_STEPS))

@@ -68,10 +68,10 @@ class ElementChain:
         for mesh, known, nodes in self._last:
             if mesh is self.mesh and known is motion:
                 return nodes
-        basis = self.scheme.basis
+        steps = self.scheme.integration
         parts = self.by_interval(
             lambda dynamics, chosen: dynamics.motion(
-                motion.points[:-1][chosen], motion.coefficients[chosen], basis, self.mesh.lengths[chosen]
+                motion.points[:-1][chosen], motion.coefficients[chosen], steps, self.mesh.lengths[chosen]
             )
         )
         found = self.joined(parts)
@@ -85,7 +85,7 @@ class ElementChain:
             here = np.flatnonzero(self.mesh.interval[elements] == k)
             own = elements[here]
             starts, lengths = motion.points[own], self.mesh.lengths[own]
-            result[here] = self.dynamics[k].motion(starts, motion.coefficients[own], scheme.basis, lengths)[:, -1]
+            result[here] = self.dynamics[k].motion(starts, motion.coefficients[own], scheme.integration, lengths)[:, -1]
         return result
 
     def outputs(self, nodes: Array, inputs: Array) -> Array:

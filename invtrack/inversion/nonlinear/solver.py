@@ -161,7 +161,7 @@ class MotionSolver:
         few = np.mean(error.defect > self.accuracy) < WIDESPREAD
         to_blame = np.maximum(error.between, error.defect) if few else error.between
         parts = choice.allowed(parts_for(to_blame, self.accuracy, COUNT + 1), shooting.mesh)
-        factor = 1 if few and np.any(parts > 1) else steps_for(error.defect, self.accuracy)
+        factor = 1 if few and np.any(parts > 1) else steps_for(error.defect, self.accuracy, choice.scheme.method.order)
         mesh = shooting.mesh.split(parts)
         longer = windows.longer(mesh, tail_errors(self.problem, shooting, solution.motion))
         if longer is None and np.all(parts == 1) and factor == 1:

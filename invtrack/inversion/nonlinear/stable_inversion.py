@@ -162,7 +162,7 @@ def confirmed(problem: MotionProblem, solution: Solution, outputs: PiecewiseSign
     for k, dynamics in enumerate(problem.dynamics):
         chosen = np.flatnonzero(mesh.interval == k)
         dynamics.require_free(motion.points[chosen], motion.coefficients[chosen, 0])
-    certificate = certify_motion(shooting, motion, trajectory, model, outputs)
+    certificate = certify_motion(shooting, motion, trajectory, model, outputs, accuracy)
     _require_rest(problem, certificate, SLACK * accuracy)
     require_confirmed(certificate, SLACK * accuracy, exact=exact)
     checks = MotionChecks(

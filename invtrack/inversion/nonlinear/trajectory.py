@@ -7,14 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from invtrack.arrays import Array
-from invtrack.inversion.nonlinear.elements import legendre
 from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.inversion.nonlinear.shooting import ElementChain, Motion
 from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.dynamics import Dynamics
 from invtrack.plans.plan import intervals_of_pieces
+from invtrack.plans.runge_kutta import CLASSICAL, legendre
 from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import PolynomialSegments, Trajectory
+
+STEPS = 4
+"""Steps of integration on a piece, of a method above the fourth order; of that order two for each coefficient of the input."""
 
 ALONG = 2.0**-13
 """Time step [pieces] over which the outputs' rate of change is measured along the motion."""
@@ -23,8 +26,8 @@ ALONG = 2.0**-13
 def trajectory_of(shooting: ElementChain, motion: Motion, model: SwitchedSystem, tails: tuple[Tail, Tail]) -> Trajectory:
     """[x; u; y] as deviations from the rest of the model's interval in which each element lies.
 
-    An element whose integration is refined makes as many pieces. On each, x and y are Hermite's polynomials through values and
-    rates at an even number of times (two per coefficient of the input, at most five); u is the polynomial of the motion itself.
+    An element makes pieces of a few steps of integration each. On each, x and y are Hermite's polynomials through values and rates
+    at up to five nodes; u is the polynomial of the motion itself.
 
     Args:
         shooting, motion: the conditions, and the motion that meets them.
@@ -32,7 +35,8 @@ def trajectory_of(shooting: ElementChain, motion: Motion, model: SwitchedSystem,
         tails: before and after the motion.
     """
     mesh, scheme, n, m = shooting.mesh, shooting.scheme, model.n_states, model.n_inputs
-    parts, steps = scheme.refinement, 2 * scheme.count
+    steps = STEPS if scheme.method.order > CLASSICAL.order else 2 * scheme.count
+    parts = scheme.steps // steps
     pieces = mesh.split(np.full(len(mesh), parts))
     nodes = shooting.nodes(motion)[:, steps * np.arange(parts)[:, None] + np.arange(0, steps + 1, max(1, steps // 4))]
     nodes = nodes.reshape(len(pieces), -1, nodes.shape[3])

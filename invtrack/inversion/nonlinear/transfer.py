@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from invtrack.arrays import Array, Indices
-from invtrack.inversion.nonlinear.elements import legendre
 from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.inversion.nonlinear.rest import Rest
 from invtrack.inversion.nonlinear.shooting import ElementChain, Motion
 from invtrack.plans.dynamics import Dynamics
+from invtrack.plans.runge_kutta import legendre
 from invtrack.plans.tail import Tail
 
 QUADRATURE = 4
@@ -66,7 +66,7 @@ class Known:
             within = partly[mesh.interval[own[partly]] == k]
             elements, parts = own[within], share[within]
             inputs, lengths = _begun(motion.coefficients[elements], parts), parts * mesh.lengths[elements]
-            nodes = self.shooting.dynamics[k].motion(motion.points[elements], inputs, self.shooting.scheme.basis, lengths)
+            nodes = self.shooting.dynamics[k].motion(motion.points[elements], inputs, self.shooting.scheme.integration, lengths)
             result[within] = nodes[:, -1]
         for outside, chosen, distance in self._beyond(times):
             result[chosen] = outside.points(distance)

@@ -7,6 +7,7 @@ once, whatever arrays it is given.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.arrays import Array, Indices
+from invtrack.plans.runge_kutta import Steps
 from invtrack.plant.native.libmujoco import address_of
 from invtrack.plant.native.pointers import address_in, call, compiled, entry, floats, integers, records
 from invtrack.plant.native.readings import READING, readings_of, value_of
@@ -29,12 +31,19 @@ _NOTHING, _POSITIONS, _VELOCITIES = (
 _HUGE = 1e9
 """What is larger, or is no number, is not given to MuJoCo, which would print a warning: what comes of it is no number either."""
 
+_SMALL_ANGLE = 1e-4
+"""Below it 1/12 is c of `_turn` to rounding."""
+
 _COUNTS = ("nq", "nv", "na", "m", "turns", "outputs", "sensors")
 _ADDRESSES = ("forward", "integrate", "model", "data", "inputs", "rotations", "readings", "scratch")
 _ARRAYS = ("qpos", "qvel", "act", "ctrl", "qacc", "act_dot", "qacc_warmstart")
 _MACHINE = np.dtype([(name, np.int64) for name in (*_COUNTS, *_ADDRESSES, *_ARRAYS)])
 """One model and its data: sizes (inputs m, rotations, outputs, whether some are sensors), and addresses of functions, arrays
 and memory to work in."""
+
+_METHOD = np.dtype([(name, np.int64) for name in ("stages", "count", "a", "b", "basis", "slopes")])
+"""A Runge-Kutta method and the polynomials of the inputs: how many, and addresses of its coefficients, of the polynomials at the
+stages of all steps, and of memory for the slopes of a step."""
 
 _readings_at = records(READING)
 
@@ -73,7 +82,7 @@ class Machine:
         for name in _ARRAYS:
             record[name] = getattr(self.data, name).ctypes.data
         object.__setattr__(self, "_record", record)
-        scratch = np.zeros(3 * (2 * self.model.nv + self.model.na) + len(inputs))
+        scratch = np.zeros(2 * self.model.nv + self.model.na + len(inputs))
         record["scratch"] = scratch.ctypes.data
         object.__setattr__(self, "_kept", (inputs, rotations, readings, references, scratch))
 
@@ -96,19 +105,23 @@ class Machine:
         """
         _perturbed(self._record, len(points), steps.shape[1], *_addresses(points, controls, steps, accelerations, outputs))
 
-    def integrate(self, points: Array, coefficients: Array, basis: Array, lengths: Array, nodes: Array) -> None:
-        """Classical RK4 over elements in even steps, the input a polynomial over each element.
+    def integrate(self, points: Array, coefficients: Array, steps: Steps, lengths: Array, nodes: Array) -> None:
+        """Steps by a Runge-Kutta method over elements, the input a polynomial over each element.
 
         Args:
             points: states at the elements' starts (k, nq + nv + na).
             coefficients: of the input's polynomials (k, s, m).
-            basis: their values at the starts, middles and ends of the steps (2 S + 1, s).
+            steps: the method and the steps.
             lengths: of the elements (k,) [s].
             nodes: result, the states at the ends of the steps, the start first (k, S + 1, nq + nv + na); beyond one that is not
                 usable they stay as they are.
         """
-        count, order = (len(basis) - 1) // 2, basis.shape[1]
-        _integrate(self._record, len(points), count, order, *_addresses(points, coefficients, basis, lengths, nodes))
+        method = np.zeros(1, dtype=_METHOD)
+        slopes = np.empty((len(steps.method.b), 2 * self.model.nv + self.model.na))
+        arrays = steps.method.a, steps.method.b, steps.basis, slopes  # kept as long as the loop runs
+        method["stages"], method["count"] = arrays[2].shape[1:]
+        method["a"], method["b"], method["basis"], method["slopes"] = _addresses(*arrays)
+        _integrate(self._record, method, len(points), steps.number, *_addresses(points, coefficients, lengths, nodes))
 
 
 def _addresses(*arrays: Array) -> list[int]:
@@ -231,16 +244,20 @@ def _perturbed(
 
 @compiled
 def _turn(machine: Any, theta: Any, rate: Any) -> None:
-    """From w to theta' of the rotation vectors theta from where a step began: w + theta x w / 2 + theta x (theta x w) / 12."""
+    """From w to theta' of the rotation vectors theta from where a step began: w + theta x w / 2 + c theta x (theta x w), where
+    c = (1 - h cot h) / (2 h)^2 of the half angle h."""
     rotations = integers(machine.rotations, machine.turns)
     for i in range(machine.turns):
         first = rotations[i]
         a, b, c = theta[first], theta[first + 1], theta[first + 2]
         p, q, r = rate[first], rate[first + 1], rate[first + 2]
         x, y, z = b * r - c * q, c * p - a * r, a * q - b * p
-        rate[first] += x / 2 + (b * z - c * y) / 12
-        rate[first + 1] += y / 2 + (c * x - a * z) / 12
-        rate[first + 2] += z / 2 + (a * y - b * x) / 12
+        square = a * a + b * b + c * c
+        half = math.sqrt(square) / 2
+        share = (1 - half / math.tan(half)) / square if half > _SMALL_ANGLE else 1 / 12
+        rate[first] += x / 2 + share * (b * z - c * y)
+        rate[first + 1] += y / 2 + share * (c * x - a * z)
+        rate[first + 2] += z / 2 + share * (a * y - b * x)
 
 
 @compiled
@@ -269,44 +286,52 @@ def _slope(machine: Any, point: Any, at: Any, control: Any, rate: Any) -> None:
 
 
 @compiled
-def _step(machine: Any, h: float, inputs: int, order: int, coefficients: int, point: Any, after: Any) -> bool:
-    """One step of length h; inputs: the address of the polynomials' values at its start, middle and end; whether it is usable."""
-    nq, nv, na, m = machine.nq, machine.nv, machine.na, machine.m
-    n = 2 * nv + na
-    at, rate, total = floats(machine.scratch, n), floats(machine.scratch + 8 * n, n), floats(machine.scratch + 16 * n, n)
-    control, c = floats(machine.scratch + 24 * n, m), floats(coefficients, order * m)
+def _sum(at: Any, h: float, weights: Any, stages: int, slopes: int) -> None:
+    """The tangent of h times the weighted slopes of the first stages."""
+    n = at.shape[0]
     for i in range(n):
-        rate[i], total[i] = 0.0, 0.0
-    for stage in range(4):
-        share = 0.0 if stage == 0 else h if stage == 3 else h / 2
-        weight = h / 6 if stage == 0 or stage == 3 else h / 3
-        for i in range(n):
-            at[i] = share * rate[i]
-        values = floats(inputs + 8 * order * ((stage + 1) // 2), order)
+        at[i] = 0.0
+    for j in range(stages):
+        weight = h * weights[j]
+        if weight != 0.0:
+            slope = floats(slopes + 8 * n * j, n)
+            for i in range(n):
+                at[i] += weight * slope[i]
+
+
+@compiled
+def _step(machine: Any, method: Any, h: float, inputs: int, coefficients: int, point: Any, after: Any) -> bool:
+    """One step of length h; inputs: the address of the polynomials' values at its stages; whether it is usable."""
+    nq, nv, na, m, count = machine.nq, machine.nv, machine.na, machine.m, method.count
+    n = 2 * nv + na
+    at, control = floats(machine.scratch, n), floats(machine.scratch + 8 * n, m)
+    c = floats(coefficients, count * m)
+    for stage in range(method.stages):
+        _sum(at, h, floats(method.a + 8 * method.stages * stage, method.stages), stage, method.slopes)
+        values = floats(inputs + 8 * count * stage, count)
         for j in range(m):
             control[j] = 0.0
-            for i in range(order):
+            for i in range(count):
                 control[j] += values[i] * c[m * i + j]
         if not (_usable(at) and _usable(control)):
             return False
-        _slope(machine, point, at, control, rate)
-        for i in range(n):
-            total[i] += weight * rate[i]
-    _moved(machine, point, total)
+        _slope(machine, point, at, control, floats(method.slopes + 8 * n * stage, n))
+    _sum(at, h, floats(method.b, method.stages), method.stages, method.slopes)
+    _moved(machine, point, at)
     qpos = floats(machine.qpos, nq)
     for i in range(nq):
         after[i] = qpos[i]
     for i in range(nv + na):
-        after[nq + i] = point[nq + i] + total[nv + i]
+        after[nq + i] = point[nq + i] + at[nv + i]
     return True
 
 
 @entry
 def _integrate(
-    machines: Any, count: int, steps: int, order: int, points: int, coefficients: int, basis: int, lengths: int, nodes: int
+    machines: Any, methods: Any, count: int, steps: int, points: int, coefficients: int, lengths: int, nodes: int
 ) -> None:
-    machine = machines[0]
-    width, m, length = machine.nq + machine.nv + machine.na, machine.m, floats(lengths, count)
+    machine, method = machines[0], methods[0]
+    width, length = machine.nq + machine.nv + machine.na, floats(lengths, count)
     for k in range(count):
         first, row = floats(points + 8 * width * k, width), nodes + 8 * width * (steps + 1) * k
         point = floats(row, width)
@@ -314,7 +339,8 @@ def _integrate(
             point[i] = first[i]
         for step in range(steps):
             after = floats(row + 8 * width * (step + 1), width)
-            values, c = basis + 16 * order * step, coefficients + 8 * order * m * k
-            if not (_usable(point) and _step(machine, length[k] / steps, values, order, c, point, after)):
+            values = method.basis + 8 * method.stages * method.count * step
+            c = coefficients + 8 * method.count * machine.m * k
+            if not (_usable(point) and _step(machine, method, length[k] / steps, values, c, point, after)):
                 break
             point = after

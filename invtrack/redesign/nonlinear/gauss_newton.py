@@ -99,7 +99,7 @@ def converged(
 
 def driven(motions: CostedMotions, course: Course, step: Step, share: float) -> Course:
     """The motion that this share of a step leads to, with the step's feedback on the way."""
-    dynamics, mesh, basis, old = motions.dynamics, motions.mesh, motions.scheme.basis, course.motion
+    dynamics, mesh, steps, old = motions.dynamics, motions.mesh, motions.scheme.integration, course.motion
     v = course.v + share * step.dv
     points, coefficients = np.empty_like(old.points), np.empty_like(old.coefficients)
     nodes = np.empty((len(mesh), motions.scheme.steps + 1, old.points.shape[1]))
@@ -109,7 +109,7 @@ def driven(motions: CostedMotions, course: Course, step: Step, share: float) -> 
         change = -share * step.k[at] - step.K[at] @ dx
         coefficients[at] = old.coefficients[at] + change.reshape(coefficients.shape[1:])
         here = slice(at, at + 1)
-        nodes[at] = dynamics[k].motion(points[here], coefficients[here], basis, mesh.lengths[here])[0]
+        nodes[at] = dynamics[k].motion(points[here], coefficients[here], steps, mesh.lengths[here])[0]
         points[at + 1] = nodes[at, -1]
         if not np.all(np.isfinite(points[at + 1])):
             points[at + 1 :], coefficients[at + 1 :], nodes[at + 1 :] = np.nan, np.nan, np.nan

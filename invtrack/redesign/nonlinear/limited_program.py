@@ -9,8 +9,8 @@ import numpy as np
 import scipy  # loads scipy.sparse at its first use
 
 from invtrack.arrays import Array, Indices
-from invtrack.inversion.nonlinear.elements import legendre
 from invtrack.inversion.nonlinear.shooting import Motion
+from invtrack.plans.runge_kutta import legendre
 from invtrack.redesign.limited.quadratic_program import QuadraticProgram
 from invtrack.redesign.limited.transcription import Entries, LimitRows, entries_of, sparse_sum
 from invtrack.redesign.limits import Bound

@@ -166,7 +166,7 @@ def plan_of(
     for k, dynamics in enumerate(problem.dynamics):
         chosen = np.flatnonzero(mesh.interval == k)
         dynamics.require_free(motion.points[chosen], motion.coefficients[chosen, 0])
-    certificate = certify_motion(motions, motion, trajectory, model, problem.reference)
+    certificate = certify_motion(motions, motion, trajectory, model, problem.reference, solver.accuracy)
     require_confirmed(certificate, SLACK * solver.accuracy, exact=False)
     preactuation, postactuation, limited = actuation_times(trajectory, problem.manoeuvre, tolerance, reach)
     plan = kind(

@@ -8,6 +8,7 @@ import numpy as np
 
 from invtrack.arrays import Array
 from invtrack.errors import RedesignError
+from invtrack.plans.runge_kutta import Steps
 from invtrack.redesign.nonlinear.costed import CostedMotions, Course, quadrature_shares
 from invtrack.redesign.nonlinear.ends import solve_semidefinite
 from invtrack.redesign.nonlinear.sweep import Step
@@ -63,7 +64,7 @@ def stationarity(motions: CostedMotions, course: Course, step: Step, cost: float
     P = step.P
     fine = replace(motions.scheme, refinement=2 * motions.scheme.refinement)
     S, weights, held = motions.scheme.steps, motions.weights, motions.scheme.count == 1
-    nodes = _nodes(motions, course, fine.basis)
+    nodes = _nodes(motions, course, fine.integration)
     u = np.einsum("kim,ji->kjm", course.motion.coefficients, fine.basis[::2])
     A, B, C, D = motions.derivatives(nodes, u, rough=False)
     x, v, e = motions.departures(nodes, u, motions.outputs(nodes, u), middles=True)
@@ -97,12 +98,12 @@ def stationarity(motions: CostedMotions, course: Course, step: Step, cost: float
     return Stationarity(float(np.sum(gain)) * scale, float(saved) * scale, gain * scale)
 
 
-def _nodes(motions: CostedMotions, course: Course, basis: Array) -> Array:
+def _nodes(motions: CostedMotions, course: Course, steps: Steps) -> Array:
     motion, lengths = course.motion, motions.mesh.lengths
     return motions.joined(
         motions.by_interval(
             lambda dynamics, chosen: dynamics.motion(
-                motion.points[:-1][chosen], motion.coefficients[chosen], basis, lengths[chosen]
+                motion.points[:-1][chosen], motion.coefficients[chosen], steps, lengths[chosen]
             )
         )
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from invtrack.arrays import Array
 from invtrack.errors import RedesignError
-from invtrack.inversion.nonlinear.elements import Scheme, legendre
+from invtrack.inversion.nonlinear.elements import Scheme
 from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.inversion.nonlinear.problem import MotionProblem
 from invtrack.inversion.nonlinear.refinement import defects_of, parts_for, steps_for
@@ -17,6 +17,7 @@ from invtrack.inversion.nonlinear.shooting import Motion
 from invtrack.inversion.nonlinear.transfer import Known
 from invtrack.linear.state_sizes import unit_ratios
 from invtrack.linear.switched import SwitchedSystem
+from invtrack.plans.runge_kutta import legendre
 from invtrack.redesign.cost import Weights
 from invtrack.redesign.nonlinear.costed import CostedMotions, Course
 from invtrack.redesign.nonlinear.ends import RestEnd, ends_of
@@ -223,7 +224,7 @@ class LeastCostMotion:
         if self.hold is None and np.mean(defect > self.accuracy) < WIDESPREAD:
             parts = parts_for(defect, self.accuracy, DEFECT_ORDER)
         else:
-            factor = steps_for(defect, self.accuracy)
+            factor = steps_for(defect, self.accuracy, scheme.method.order)
         if self.hold is not None and scheme.refinement < HELD_REFINEMENT and not left.inputs <= HELD_STATIONARY:
             factor = max(factor, 2)
         if self.hold is None and not left.inputs <= STATIONARY:

@@ -74,7 +74,7 @@ def test_small_motions_about_rest_are_those_of_the_elements(count: int) -> None:
     np.testing.assert_allclose(coefficients[0, 0], mean, rtol=1e-9)
     coefficients[0, 0] += rest.inputs
     start = dynamics.retract(rest.point[None], x_0[None])
-    nodes = dynamics.motion(start, coefficients, scheme.basis, np.array([length]))
+    nodes = dynamics.motion(start, coefficients, scheme.integration, np.array([length]))
     reached = dynamics.difference(nodes[0, -1:], rest.point[None])[0]
     np.testing.assert_allclose(reached, x_1, atol=1e-4 * np.max(np.abs(x_1)) + 10 * small**2)
 
