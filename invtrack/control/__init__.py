@@ -8,7 +8,7 @@ from invtrack.control.lifted_gains import lifted_gains
 from invtrack.control.lqr import lqr
 from invtrack.control.observer import ExosystemObserver, KalmanFilter, LuenbergerObserver, Observer
 from invtrack.control.output_feedback import OutputFeedbackController, OutputFeedbackLaw
-from invtrack.control.protocol import AffineLaw, Controller, DifferenceLaw, Instants, Law
+from invtrack.control.protocol import AffineLaw, Controller, DifferenceLaw, Instants, Law, Planned
 from invtrack.control.tracking_controller import PlanFollower, TrackingController
 
 __all__ = [
@@ -27,6 +27,7 @@ __all__ = [
     "OutputFeedbackController",
     "OutputFeedbackLaw",
     "PlanFollower",
+    "Planned",
     "TrackingController",
     "amplification",
     "bryson",

@@ -24,6 +24,21 @@ Segments = tuple[tuple[int, float], ...]
 
 
 @dataclass(frozen=True, eq=False)
+class Planned:
+    """What is known already of a plan at the instants of a run.
+
+    Args:
+        plan: the plan.
+        states: at the instants (m, n), as deviations from the operating point.
+        part_inputs: in the middles of the parts of the holds (k, p).
+    """
+
+    plan: Plan
+    states: Array
+    part_inputs: Array
+
+
+@dataclass(frozen=True, eq=False)
 class Instants:
     """The instants of a run at which a controller is asked for its input, known before the run starts.
 
@@ -39,7 +54,7 @@ class Instants:
         part_middle: the middle of each part (k,) [s].
         part_inside: a time in the open interval between the breakpoints around each part (k,) [s].
         part_share: share of its hold that each part makes up (k,).
-        planned: a plan whose states at these instants are known already, with them (m, n); None where there is none.
+        planned: what is known already of a plan; None where nothing is.
     """
 
     time: Array
@@ -49,13 +64,19 @@ class Instants:
     part_middle: Array
     part_inside: Array
     part_share: Array
-    planned: tuple[Plan, Array] | None = None
+    planned: Planned | None = None
 
     def states_of(self, plan: Plan) -> Array:
         """The plan's states (m, n) at the instants."""
-        if self.planned is not None and self.planned[0] is plan:
-            return self.planned[1]
+        if self.planned is not None and self.planned.plan is plan:
+            return self.planned.states
         return plan.states(self.time, inside=self.inside)
+
+    def part_inputs_of(self, plan: Plan) -> Array:
+        """The plan's inputs (k, p) in the middles of the parts of the holds."""
+        if self.planned is not None and self.planned.plan is plan:
+            return self.planned.part_inputs
+        return plan.inputs(self.part_middle, inside=self.part_inside)
 
     @classmethod
     def undivided(cls, time: Array, hold: Array, inside: Array) -> Instants:

@@ -79,7 +79,7 @@ class PlanFollower(ABC):
 
     def mean_feedforward(self, instants: Instants) -> Array:
         """The plan's input averaged over each hold, (m, p)."""
-        return instants.mean_over_hold(lambda times, inside: self._plan.inputs(times, inside=inside))
+        return instants.mean_over_hold(lambda times, inside: instants.part_inputs_of(self._plan))
 
 
 class TrackingController(PlanFollower):

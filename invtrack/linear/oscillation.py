@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,12 @@ def slowest_flexible_period(system: Any) -> float:
 
     See `oscillatory_eigenvalues`. system: StateSpace, or anything with A, B, C, D. Raises ModelError for anything else.
     """
+    return _slowest_period(as_state_space(system))
+
+
+@lru_cache(maxsize=64)
+def _slowest_period(system: StateSpace) -> float:
+    """The same, remembered: a sweep asks for it again in every run."""
     found = oscillatory_eigenvalues(system).imag
     return float(2 * np.pi / found.min()) if found.size else float("nan")
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from invtrack.arguments import by_name, instance, require_text
 from invtrack.arrays import Array, real_number, real_numbers, require_duration, shown
 from invtrack.channels import Channels
-from invtrack.control.protocol import Controller
+from invtrack.control.protocol import Controller, Planned
 from invtrack.errors import SimulationError
 from invtrack.linear.oscillation import slowest_flexible_period
 from invtrack.plans.plan import Samples
@@ -24,6 +24,7 @@ from invtrack.simulation.acting_limits import limit_events
 from invtrack.simulation.grid import Grid, held_instants, make_grid, stage_instants, update_times, updates_of_steps
 from invtrack.simulation.linear_plant import LinearPlant, linear_plant
 from invtrack.simulation.mujoco_plant import mujoco_plant
+from invtrack.simulation.planned_values import planned_values
 from invtrack.simulation.preflight import (
     require_fit,
     require_histories,
@@ -131,8 +132,11 @@ def simulate(
     require_histories(simulated, grid)
     parameters = _Parameters.on_grid({**simulated.parameter_values, **values}, changes, grid)
     update = updates_of_steps(grid, updates)
-    samples = plan(grid.time, inside=np.append(grid.middle, grid.middle[-1]))
-    instants = stage_instants(grid) if evaluate == "stages" else held_instants(grid, update, (plan, samples.x))
+    if evaluate == "stages":
+        samples, instants = plan(grid.time, inside=np.append(grid.middle, grid.middle[-1])), stage_instants(grid)
+    else:
+        samples, middle_inputs = planned_values(plan, grid)
+        instants = held_instants(grid, update, Planned(plan, samples.x, middle_inputs))
     warn_of_unstable_holds(controller, instants, plant.model if isinstance(plant, LinearPlant) else plan.model)
     warn_of_fast_zeros(controller, float(np.max(grid.step if evaluate == "stages" else instants.hold)))
     chain = SensorChain(simulated.measurements.names, sensors or {}, seed)

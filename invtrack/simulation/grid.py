@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from invtrack.arrays import Array, Indices
-from invtrack.control.protocol import Instants
+from invtrack.control.protocol import Instants, Planned
 from invtrack.errors import SimulationError
-from invtrack.plans.plan import Plan
 
 SNAP = 1e-9
 """Breakpoints closer than this share of the largest step are one and the same, computed in two ways."""
@@ -125,8 +124,14 @@ def updates_of_steps(grid: Grid, times: Array) -> Indices:
     return np.searchsorted(times, middle, side="right") - 1
 
 
-def held_instants(grid: Grid, update: Indices, planned: tuple[Plan, Array] | None = None) -> Instants:
-    """One instant per update; the parts of its hold are the steps. planned: a plan, and its states at the grid's times (., n)."""
+def held_instants(grid: Grid, update: Indices, planned: Planned | None = None) -> Instants:
+    """One instant per update; the parts of its hold are the steps.
+
+    Args:
+        grid: the steps.
+        update: number of the update whose input holds in each step (N,).
+        planned: what is known of a plan: its states at the grid's times, its inputs in the middles of the steps.
+    """
     length = grid.step[grid.interval]
     first = np.flatnonzero(np.diff(update, prepend=-1))
     hold = np.add.reduceat(length, first)
@@ -138,7 +143,7 @@ def held_instants(grid: Grid, update: Indices, planned: tuple[Plan, Array] | Non
         part_middle=(grid.time[:-1] + grid.time[1:]) / 2,
         part_inside=grid.middle,
         part_share=length / hold[update],
-        planned=None if planned is None else (planned[0], planned[1][first]),
+        planned=None if planned is None else Planned(planned.plan, planned.states[first], planned.part_inputs),
     )
 
 

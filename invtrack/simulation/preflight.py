@@ -31,8 +31,8 @@ FAR_FROM_REST = 0.05
 
 PLAN_SAMPLES = 2001
 
-SAME_HOLD = 1e-9
-"""Holds that differ by less than this share of the longest are equal."""
+SAME_HOLD = 1e-3
+"""Holds that differ by less than this share of the longest are as stable as each other."""
 
 NOTICED = 0.01
 """Share of the peak input from which on a part of it counts."""
@@ -174,7 +174,7 @@ def warn_of_unstable_holds(controller: Controller, instants: Instants, model: Sw
     if not isinstance(controller, PlanFollower) or not np.any(instants.hold > 0):
         return
     gains, longest = controller.gains, float(np.max(instants.hold))
-    holds = np.rint(instants.hold / longest / SAME_HOLD).astype(np.int64)  # equal but for rounding within an interval
+    holds = np.rint(instants.hold / longest / SAME_HOLD).astype(np.int64)
     inside = instants.inside
     if (along := controller.plan.linearizations) is not None:
         outside = (inside < along.edges[0]) | (inside > along.edges[-1])

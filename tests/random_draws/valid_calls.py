@@ -92,7 +92,7 @@ NOT_DOORS = {
         "RunResult",
     ),
     *("Signal", "SimulatedPlant", "LinearStepper", "OutputFeedbackLaw", "AffineLaw", "DifferenceLaw"),
-    *("Instants", "Configuration", "Session", "InvtrackError", "DivergedError", "MissingError"),
+    *("Instants", "Planned", "Configuration", "Session", "InvtrackError", "DivergedError", "MissingError"),
     # protocols, aliases and what only its own tests make
     *("Mode", "Oscillation", "RunAssertionError"),
     *("Learned", "LearningStep", "Reduction", "ZerosAlong"),

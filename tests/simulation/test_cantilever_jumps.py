@@ -132,7 +132,7 @@ class WrongSideController(invtrack.TrackingController):
             piece = np.searchsorted(edges, inside)
             return np.where(piece > 0, edges[np.maximum(piece - 1, 0)] - 1e-3, inside)
 
-        wrong = replace(instants, inside=earlier(instants.inside), part_inside=earlier(instants.part_inside))
+        wrong = replace(instants, inside=earlier(instants.inside), part_inside=earlier(instants.part_inside), planned=None)
         return super().begin(wrong)
 
 
