@@ -2,14 +2,9 @@
 
     plant -> linearize -> invert -> TrackingController -> simulate -> metrics, figures, recording
 
-Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `references`, `plans`, `inversion`,
-`advice`, `report`, `sweeps`, `testing`, `command`.
-`advice`, `sweeps`, `testing`, `command`.
-`redesign`, `preview`, `regulation`, `control`, `baselines`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`,
-`redesign`, `regulation`, `control`, `baselines`, `mechanisms`, `simulation`, `results`, `learning`, `recording`, `figures`,
-`redesign`, `regulation`, `control`, `baselines`, `simulation`, `results`, `learning`, `recording`, `figures`, `studies`,
-`studies`, `sweeps`, `testing`, `command`.
-`sweeps`, `testing`, `command`.
+Here stand the names that most programs need; each room holds more: `invtrack.plant`, `linear`, `mechanisms`, `references`, `plans`,
+`inversion`, `redesign`, `preview`, `regulation`, `baselines`, `learning`, `control`, `simulation`, `results`, `recording`,
+`figures`, `advice`, `report`, `studies`, `sweeps`, `testing`, `command`.
 
 Method: S. Devasia, "Guidance of Nonlinear Nonminimum-Phase Dynamic Systems", NASA report, 1996, and the papers in it.
 """

@@ -70,8 +70,8 @@ def sweep(
     was, with the same call; what it then leaves is what it would have left anyhow. Rows of another version of the study are never
     mixed in: they stand in a folder of their own, under the hash of the study, which covers the source texts of the modules that
     define its functions and of what these import, arguments bound to them, `files`, and the versions of the libraries; see
-    docs/sweeps.md. A run that diverges, or a point that an InvtrackError refuses, is a row with that status and its reason; any
-    other exception ends the sweep, which keeps the rows that are done.
+    docs/guide/sweeps.md. A run that diverges, or a point that an InvtrackError refuses, is a row with that status and its reason;
+    any other exception ends the sweep, which keeps the rows that are done.
 
     Args:
         study: function of (point, seed), or of (point, seed, prepared) with `prepare`: a dict of values by the names of

@@ -2,7 +2,7 @@
 
 The assertions are plain functions. Where pytest runs, the plugin (`invtrack.testing.plugin`, loaded by itself where invtrack is
 installed) adds the fixtures `invtrack_run` and `invtrack_factors`, the marker `invtrack_factors`, and keeps the recording and a
-figure of what failed; see docs/testing.md.
+figure of what failed; see docs/guide/testing.md.
 """
 
 from __future__ import annotations
