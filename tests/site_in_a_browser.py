@@ -11,7 +11,7 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -22,28 +22,20 @@ from typing import Any
 from tests.report.browser import chromium
 
 WIDTHS = (1280, 390)
-HARNESS = """<!doctype html><meta charset="utf-8"><link rel="icon" href="data:,"><body><pre id="found"></pre><script>
-const look = page => new Promise(done => {
-  const frame = document.createElement("iframe");
-  frame.style = `width:${WIDTHS[0]}px;height:900px;border:0`;
-  frame.onload = () => {
+TOGETHER = 8  # pages at a time
+HARNESS = """<!doctype html><meta charset="utf-8"><link rel="icon" href="data:,"><body>%s<pre id="found"></pre><script>
+addEventListener("load", () => {
+  const found = [...document.querySelectorAll("iframe")].map(frame => {
     const inside = frame.contentDocument.documentElement;
-    const views = WIDTHS.map(width => {
+    const views = %s.map(width => {
       frame.style.width = `${width}px`;
       return {width, scroll: inside.scrollWidth, client: inside.clientWidth};
     });
-    done({page, views, requests: frame.contentWindow.performance.getEntriesByType("resource").map(each => each.name)});
-    frame.remove();
-  };
-  frame.src = page;
-  document.body.append(frame);
-});
-const all = async () => {
-  const found = [];
-  for (const page of PAGES) found.push(await look(page));
+    const requests = frame.contentWindow.performance.getEntriesByType("resource").map(each => each.name);
+    return {page: frame.getAttribute("src"), views, requests};
+  });
   document.getElementById("found").textContent = JSON.stringify(found);
-};
-all();
+});
 </script></body>"""
 
 
@@ -65,25 +57,29 @@ def served(folder: Path) -> Iterator[str]:
         server.shutdown()
 
 
-def opened(site: Path) -> tuple[list[dict[str, Any]], list[str], str]:
-    """What each page asked for and how wide it is, the console's lines, and the address."""
-    pages = sorted(path.relative_to(site).as_posix() for path in site.rglob("*.html"))
-    harness = HARNESS.replace("PAGES", json.dumps(pages)).replace("WIDTHS", json.dumps(WIDTHS))
-    with tempfile.TemporaryDirectory() as profile, served(site) as address:
-        (site / "look.html").write_text(harness, encoding="utf-8")
+def opened(pages: Sequence[str], site: Path, address: str) -> tuple[list[dict[str, Any]], list[str]]:
+    """What each page asked for and how wide it is, and the console's lines."""
+    frames = "".join(f'<iframe src="{page}" style="width:{WIDTHS[0]}px;height:900px;border:0"></iframe>' for page in pages)
+    look = site / "look.html"
+    look.write_text(HARNESS % (frames, json.dumps(WIDTHS)), encoding="utf-8")
+    with tempfile.TemporaryDirectory() as profile:
         options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", f"--user-data-dir={profile}"]
-        budget = f"--virtual-time-budget={1000 * len(pages)}"
-        command = [chromium(), *options, budget, "--window-size=1400,1000", "--dump-dom", f"{address}look.html"]
-        finished = subprocess.run(command, capture_output=True, text=True, check=True, timeout=600)
-        (site / "look.html").unlink()
-    found = finished.stdout.partition('<pre id="found">')[2].partition("</pre>")[0]
-    console = [line for line in finished.stderr.splitlines() if ":CONSOLE" in line]
-    return json.loads(html.unescape(found)), console, address
+        command = [chromium(), *options, "--window-size=1400,1000", "--dump-dom", f"{address}{look.name}"]
+        finished = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
+    look.unlink()
+    found = finished.stdout.rpartition('<pre id="found">')[2].partition("</pre>")[0]
+    return json.loads(html.unescape(found)), [line for line in finished.stderr.splitlines() if ":CONSOLE" in line]
 
 
 def faults(site: Path) -> list[str]:
     """Each fault in a line."""
-    looked, console, address = opened(site)
+    pages = sorted(path.relative_to(site).as_posix() for path in site.rglob("*.html"))
+    looked: list[dict[str, Any]] = []
+    console: list[str] = []
+    with served(site) as address:
+        for first in range(0, len(pages), TOGETHER):
+            seen, said = opened(pages[first : first + TOGETHER], site, address)
+            looked, console = looked + seen, console + said
     found = [f"console: {line}" for line in console]
     for each in looked:
         page = each["page"]

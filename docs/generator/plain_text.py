@@ -7,7 +7,7 @@ from typing import Any
 
 import griffe
 
-MARKUP = re.compile(r"(`[^`]*`)|([\\*\[\]<$])")
+MARKUP = re.compile(r"(`[^`]*`)|([\\*_\[\]<$])")
 
 
 class PlainText(griffe.Extension):
