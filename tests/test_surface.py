@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import matplotlib.axes
 import matplotlib.figure
 import pytest
 import rich.console
@@ -124,9 +125,8 @@ def public_members() -> Iterator[tuple[str, Any]]:
 def returned(function: Any) -> Iterator[type]:
     """The classes of this package in a function's return annotation, inside tuples, lists and unions too."""
     # Names of matplotlib and rich are known to type checkers alone: who imports the room does not load these.
-    waiting = [
-        typing.get_type_hints(function, localns={"Figure": matplotlib.figure.Figure, "Console": rich.console.Console}).get("return")
-    ]
+    late = {"Figure": matplotlib.figure.Figure, "AxesGiven": matplotlib.axes.Axes, "Console": rich.console.Console}
+    waiting = [typing.get_type_hints(function, localns=late).get("return")]
     while waiting:
         annotation = waiting.pop()
         waiting.extend(typing.get_args(annotation))

@@ -9,13 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from invtrack.arguments import by_name, items, require_text
-from invtrack.arrays import Array, finite_number, increasing_times, real_numbers, real_vector, whole_number
+from invtrack.arrays import Array, finite_number, increasing_times, real_numbers, whole_number
 from invtrack.errors import InvtrackError
-from invtrack.figures.panels import values_of
-from invtrack.figures.style import COLORS, FAINT, INK, label, legend_below, new_figure, shared_style, write
+from invtrack.figures.marks import mark_manoeuvre
+from invtrack.figures.panels import ends_of, values_of
+from invtrack.figures.sheet import sheet
+from invtrack.figures.style import COLORS, DOTTED, FAINT, INK, label, write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from invtrack.figures.sheet import AxesGiven
 
 BANDS = (50.0, 90.0)  # share [%] of the runs that a band holds, in its middle
 BINS = 40
@@ -31,6 +35,7 @@ def bands_figure(
     quantity: str,
     bands: Sequence[float] = BANDS,
     manoeuvre: tuple[float, float] | None = None,
+    ax: AxesGiven | None = None,
 ) -> Figure:
     """Median of many runs over time, bands around it that hold so many per cent of them, and the lowest and highest of all.
 
@@ -41,8 +46,9 @@ def bands_figure(
         quantity: label of the vertical axis, with its unit.
         bands: per cent of the runs in each band, half of the others above and half below it.
         manoeuvre: its start and end [s], marked.
+        ax: a panel to draw on in place of a figure of its own.
 
-    Raises InvtrackError for shapes that do not fit, bands outside 0 to 100 %, and where no run has a value.
+    Raises InvtrackError for shapes that do not fit, bands outside 0 to 100 %, where no run has a value, and for several panels.
     """
     for name, text in (("title", title), ("quantity", quantity)):
         require_text(name, text, error=InvtrackError)
@@ -58,28 +64,26 @@ def bands_figure(
     if not np.any(counted):
         raise InvtrackError("expected at least one run with values, got none")
     t, shown = times[counted], np.where(np.isfinite(runs), runs, np.nan)[:, counted]
-    with shared_style():
-        figure = new_figure(title, width=8.0, height=3.6)
-        axes = figure.subplots()
+    ends = None if manoeuvre is None else ends_of(manoeuvre)
+    with sheet(title, [quantity], ax, size=(8.0, 3.6)) as page:
+        (axes,) = page.axes
         axes.plot(t, np.nanmin(shown, axis=0), color=FAINT, linewidth=0.7, label=f"lowest and highest of {len(runs)} runs")
         axes.plot(t, np.nanmax(shown, axis=0), color=FAINT, linewidth=0.7)
         for share, shade in zip(shares, np.linspace(0.2, 0.45, len(shares)), strict=True):
             low, high = np.nanpercentile(shown, [50 - share / 2, 50 + share / 2], axis=0)
             axes.fill_between(t, low, high, color=COLORS[0], alpha=shade, linewidth=0, label=f"{share:g} % of the runs")
         axes.plot(t, np.nanmedian(shown, axis=0), color=COLORS[1], label="median")
-        if manoeuvre is not None:
-            ends = real_vector("manoeuvre [s]", manoeuvre, ["start", "end"], error=InvtrackError)
-            for at, name in zip(ends, ("$T_i$", "$T_f$"), strict=True):
-                axes.axvline(at, color=FAINT, linewidth=0.9, linestyle=(0, (1, 2)), zorder=1)
-                write(axes, name, (at, 1), axes.get_xaxis_transform(), (0, 1), ha="center", va="bottom")
+        if ends is not None:
+            mark_manoeuvre(axes, ends, labelled=True)
         axes.set_xlim(t[0], t[-1])
-        axes.set_xlabel("time [s]")
         axes.set_ylabel(quantity)
-        legend_below(figure, *axes.get_legend_handles_labels())
-    return figure
+        page.legend(*axes.get_legend_handles_labels())
+    return page.figure
 
 
-def tornado_figure(title: str, *, correlations: Mapping[str, float], samples: int, quantity: str) -> Figure:
+def tornado_figure(
+    title: str, *, correlations: Mapping[str, float], samples: int, quantity: str, ax: AxesGiven | None = None
+) -> Figure:
     """Rank correlations of parameters with a quantity as bars, the strongest on top, and what chance alone would give.
 
     Args:
@@ -89,8 +93,9 @@ def tornado_figure(title: str, *, correlations: Mapping[str, float], samples: in
         samples: how many runs they are of: 95 % of the correlations of what does not matter lie in the shaded part,
             +-1.96/sqrt(samples - 1).
         quantity: its name.
+        ax: a panel to draw on in place of a figure of its own.
 
-    Raises InvtrackError for no correlations, or one outside -1 to 1.
+    Raises InvtrackError for no correlations, one outside -1 to 1, and for several panels.
     """
     for name, text in (("title", title), ("quantity", quantity)):
         require_text(name, text, error=InvtrackError)
@@ -100,9 +105,9 @@ def tornado_figure(title: str, *, correlations: Mapping[str, float], samples: in
     if not found or not all(-1.000001 < value < 1.000001 for value in found.values()):
         raise InvtrackError(f"expected at least one correlation, all from -1 to 1, got {found}")
     names = sorted(found, key=lambda name: abs(found[name]))
-    with shared_style():
-        figure = new_figure(title, width=7.0, height=1.5 + INCHES_PER_BAR * len(names))
-        axes = figure.subplots()
+    along = f"rank correlation (Spearman) with {quantity}, {count} runs"
+    with sheet(title, [quantity], ax, size=(7.0, 1.5 + INCHES_PER_BAR * len(names)), along=along) as page:
+        (axes,) = page.axes
         chance = min(1.96 / np.sqrt(count - 1), 1.0)
         axes.axvspan(-chance, chance, color="#EDF1F5", linewidth=0, zorder=0, label="95 % of what does not matter")
         values = [found[name] for name in names]
@@ -113,14 +118,15 @@ def tornado_figure(title: str, *, correlations: Mapping[str, float], samples: in
         axes.axvline(0.0, color=INK, linewidth=0.8)
         axes.set_yticks(range(len(names)), [label(name, "") for name in names])
         axes.set_xlim(-1.15, 1.15)
-        axes.set_xlabel(f"rank correlation (Spearman) with {quantity}, {count} runs")
         axes.grid(visible=False, axis="y")
         axes.set_axisbelow(True)
-        legend_below(figure, *axes.get_legend_handles_labels())
-    return figure
+        page.legend(*axes.get_legend_handles_labels())
+    return page.figure
 
 
-def histogram_figure(title: str, *, values: ArrayLike, quantity: str, limit: float | None = None) -> Figure:
+def histogram_figure(
+    title: str, *, values: ArrayLike, quantity: str, limit: float | None = None, ax: AxesGiven | None = None
+) -> Figure:
     """How often a quantity takes which values, with its median, the value that 95 % of the runs stay below, and a limit.
 
     Where all values are positive and span three decades or more, the axis is logarithmic.
@@ -130,8 +136,9 @@ def histogram_figure(title: str, *, values: ArrayLike, quantity: str, limit: flo
         values: (runs,); NaN where it is not defined, which the title of the axis counts.
         quantity: label of the horizontal axis, with its unit.
         limit: the largest value that is allowed; the share of the runs above it is stated.
+        ax: a panel to draw on in place of a figure of its own.
 
-    Raises InvtrackError where no value is finite.
+    Raises InvtrackError where no value is finite, and for several panels.
     """
     for name, text in (("title", title), ("quantity", quantity)):
         require_text(name, text, error=InvtrackError)
@@ -141,9 +148,8 @@ def histogram_figure(title: str, *, values: ArrayLike, quantity: str, limit: flo
         raise InvtrackError(f"expected at least one value of {quantity} to count, got {len(given)} that are not finite")
     from matplotlib.ticker import MaxNLocator
 
-    with shared_style():
-        figure = new_figure(title, width=7.0, height=3.4)
-        axes = figure.subplots()
+    with sheet(title, [quantity], ax, size=(7.0, 3.4), along=quantity) as page:
+        (axes,) = page.axes
         edges = _edges(shown)
         axes.set_axisbelow(True)
         axes.yaxis.set_major_locator(MaxNLocator(integer=True))
@@ -156,12 +162,11 @@ def histogram_figure(title: str, *, values: ArrayLike, quantity: str, limit: flo
         if limit is not None:
             level = finite_number("limit", limit, error=InvtrackError)
             above = np.count_nonzero(shown > level) / len(shown)
-            axes.axvline(level, color=INK, linestyle=(0, (1, 2)), label=f"limit {level:.3g}: {above:.1%} above it")
+            axes.axvline(level, color=INK, linestyle=DOTTED, label=f"limit {level:.3g}: {above:.1%} above it")
         left_out = len(given) - len(shown)
-        axes.set_xlabel(quantity)
         axes.set_ylabel(f"of {len(shown)} runs" + (f" ({left_out} without a value)" if left_out else ""))
-        legend_below(figure, *axes.get_legend_handles_labels())
-    return figure
+        page.legend(*axes.get_legend_handles_labels())
+    return page.figure
 
 
 def _is_logarithmic(values: Array) -> bool:

@@ -29,6 +29,14 @@ def window_of(window: object) -> tuple[float, float]:
     return float(start), float(end)
 
 
+def ends_of(manoeuvre: object) -> tuple[float, float]:
+    """(T_i, T_f) [s], finite and in order. Raises InvtrackError for anything else."""
+    start, end = real_vector("manoeuvre [s]", manoeuvre, ["start", "end"], error=InvtrackError)  # type: ignore[arg-type]
+    if not start <= end:
+        raise InvtrackError(f"manoeuvre must be (start, end) [s], the start before the end, got {start} and {end}")
+    return float(start), float(end)
+
+
 def panels_of(panels: object) -> list[tuple[str, Mapping[str, Any]]]:
     """(label, curves by name) of each panel. Raises InvtrackError for anything else."""
     expected = "a list of panels (label, {curve: values})"

@@ -1,232 +1,237 @@
-"""One run over time: states, output, tracking error and input; and its input before the manoeuvre."""
+"""One run over time: states, outputs, tracking errors and inputs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from invtrack.figures.style import (
-    COLORS,
-    FAINT,
-    INK,
-    REFERENCE,
-    draw_line,
-    draw_magnitudes,
-    draw_steps,
-    inches,
-    join_units,
-    label,
-    line_looks,
-    mark_intervals,
-    new_figure,
-    shared_style,
-    shown_window,
-    within,
-    write,
-)
-from invtrack.results.inputs import actuation_time
+from invtrack.arrays import Array
+from invtrack.channels import Channels
+from invtrack.figures.lines import draw_line, draw_magnitudes, draw_steps
+from invtrack.figures.marks import mark_intervals, shown_window, within
+from invtrack.figures.sheet import inches_with_legend, legend_above_lines, sheet, stacked
+from invtrack.figures.style import WANTED, channel_looks, label, with_unit
 from invtrack.results.result import RunResult, Signal, require_run
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INCHES_PER_PANEL = 1.7
-COLUMN_INCHES = 4.6
-LEGEND_COLUMNS, LEGEND_INCHES, ENTRY_INCHES = (
-    3,
-    3.7,
-    0.4,
-)  # entries in a row of a legend at most; its width, an entry's without text
-ROW_SHARE, ROW_INCHES = (
-    0.17,
-    0.165,
-)  # how much higher a row of a legend makes a panel, as a share of what lies below; a row's height
+    from invtrack.figures.sheet import AxesGiven
+
+PANEL_INCHES = 1.45  # of height for the lines of a panel
+WIDTH_INCHES, COLUMN_INCHES = 9.5, 4.6
+LABELS_INCHES = 0.8  # of width for the labels beside a panel
 
 
-def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = None) -> Figure:
-    """States, output against reference, tracking error and input of one run, as in Figure 5 of the parameter-jump paper.
+def tracking_figure(result: RunResult, *, window: tuple[float, float] | None = None, ax: AxesGiven | None = None) -> Figure:
+    """States, outputs against references, tracking errors and inputs of one run, as in Figure 5 of the parameter-jump paper.
 
-    Left column: states, one panel per unit, the wanted states dashed. Right column: outputs, |y - y_d| on a logarithmic axis,
-    inputs as they were applied (dashed as they were commanded, where that differs). Parameter intervals are shaded and labelled,
-    T_i and T_f dotted. `window` (start, end) [s] is what is shown: the manoeuvre with its own length before and after it unless
-    given, as far as the run goes.
+    One panel for each unit: states, with the planned ones pale beneath them; outputs, with the references pale beneath them; errors
+    y - y_d; their sizes on a logarithmic axis; inputs as they were applied, where they were commanded otherwise with that pale
+    beneath them. Parameter intervals are shaded and labelled, T_i and T_f dotted.
 
-    Raises InvtrackError for a window outside the run. Source: Devasia, Paden and Rossi, Exact-output tracking theory for systems
-    with parameter jumps (1996), Figure 5.
+    Args:
+        result: the run.
+        window: (start, end) [s] that is shown; unless given what `invtrack.results` counts as preactuation, the manoeuvre, and what
+            follows it.
+        ax: panels to draw on in place of a figure of its own, one for each unit of states, outputs, errors, sizes of errors and
+            inputs, in this order.
+
+    Raises InvtrackError for a window outside the run, and another number of panels in `ax`. Source: Devasia, Paden and Rossi,
+    Exact-output tracking theory for systems with parameter jumps (1996), Figure 5.
     """
     require_run(result)
-    window = shown_window(result, window)
-    state_units = list(dict.fromkeys(result.state.channels.units))
-    with shared_style():
-        rows = max(len(state_units), 3)
-        legends = [[*_states_in(result, unit), "plan"] for unit in state_units]
-        legends += [[*result.output.channels.names, "reference"], [*result.applied.channels.names, "commanded"]]
-        height = max(INCHES_PER_PANEL, *(_inches_with_legend(legend) for legend in legends))
-        figure = new_figure(f"{result.model}: {result.name}", width=9.5, height=0.9 + height * rows)
-        left, right = figure.subfigures(1, 2, wspace=0.02, squeeze=False)[0]
-        left_axes = left.subplots(len(state_units), 1, sharex=True, squeeze=False)[:, 0]
-        right_axes = right.subplots(3, 1, sharex=True)
-        for unit, axes in zip(state_units, left_axes, strict=True):
-            _draw_states(axes, result, unit, window)
-        _draw_output(right_axes[0], result, window)
-        _draw_error(right_axes[1], result, window)
-        _draw_input(right_axes[2], result, window)
-        for column in (left_axes, right_axes):
-            for i, axes in enumerate(column):
-                mark_intervals(axes, result, window, labelled=i == 0)
-            column[-1].set_xlabel("time [s]")
-        left.align_ylabels()
-        right.align_ylabels()
-    return figure
+    window = shown_window([result], window)
+    states, outputs, inputs = (list(_by_unit(signal.channels)) for signal in (result.state, result.output, result.applied))
+    left = [_Panel(_STATES, channels) for channels in states]
+    right = [_Panel(_OUTPUTS, channels) for channels in outputs]
+    errors = [_Panel(_ERRORS, channels) for channels in outputs]
+    last = [_Panel(kind, channels) for kind, groups in ((_SIZES, outputs), (_INPUTS, inputs)) for channels in groups]
+    beside = len(left) < len(right) + len(last)  # errors stand where there is more room
+    columns = (left + errors, right + last) if beside else (left, right + errors + last)
+    inner = WIDTH_INCHES / 2 - LABELS_INCHES
+    heights = [[panel.inches(result, inner) for panel in column] for column in columns]
+
+    def arranged(figure: Figure) -> list[Axes]:
+        parts = figure.subfigures(1, 2, wspace=0.02, squeeze=False)[0]
+        found = [stacked(part, len(shares), shares) for part, shares in zip(parts, heights, strict=True)]
+        if beside:
+            return [*found[0][: len(left)], *found[1][: len(right)], *found[0][len(left) :], *found[1][len(right) :]]
+        return [*found[0], *found[1]]
+
+    return _drawn(
+        result,
+        [*left, *right, *errors, *last],
+        window,
+        ax,
+        title=f"{result.model}: {result.name}",
+        size=(WIDTH_INCHES, 0.9 + max(map(sum, heights))),
+        arranged=arranged,
+    )
 
 
-def column_figure(result: RunResult, *, window: tuple[float, float] | None = None) -> Figure:
-    """Output against reference, tracking error and input of one run in one narrow column, for a page or a phone.
+def column_figure(result: RunResult, *, window: tuple[float, float] | None = None, ax: AxesGiven | None = None) -> Figure:
+    """Outputs against references, sizes of tracking errors and inputs of one run in one narrow column, for a page or a phone.
 
-    `window` as for `tracking_figure`. Raises InvtrackError for a window outside the run.
+    `window` and the looks as for `tracking_figure`. ax: panels to draw on in place of a figure of its own, one for each unit of
+    outputs, errors and inputs, in this order. Raises InvtrackError for a window outside the run, and another number of panels.
     """
     require_run(result)
-    window = shown_window(result, window)
-    with shared_style():
-        figure = new_figure("", width=COLUMN_INCHES, height=2 * COLUMN_INCHES / 1.6)
-        panels = figure.subplots(3, 1, sharex=True)
-        for axes, draw in zip(panels, (_draw_output, _draw_error, _draw_input), strict=True):
-            draw(axes, result, window)
-            mark_intervals(axes, result, window, labelled=axes is panels[0])
-        panels[-1].set_xlabel("time [s]")
-        figure.align_ylabels()
-    return figure
+    window = shown_window([result], window)
+    shown = ((_OUTPUTS, result.output), (_SIZES, result.output), (_INPUTS, result.applied))
+    panels = [_Panel(kind, channels) for kind, signal in shown for channels in _by_unit(signal.channels)]
+    heights = [panel.inches(result, COLUMN_INCHES - LABELS_INCHES) + 0.3 for panel in panels]
+    size = (COLUMN_INCHES, 0.7 + sum(heights))
+    return _drawn(result, panels, window, ax, title="", size=size, arranged=lambda figure: stacked(figure, len(panels), heights))
 
 
-def preactuation_figure(result: RunResult, *, level: float = 0.01) -> Figure:
-    """|u - u_rest| before the manoeuvre on a logarithmic axis, with `level` times its peak and the preactuation time marked.
+@dataclass(frozen=True)
+class _Kind:
+    """What a panel shows: how it is drawn, of which signal of the run, and the text at its axis."""
 
-    The Euclidean norm of the applied inputs, from those with which the plan rests before the manoeuvre; the time is that of
-    `invtrack.results.preactuation_time` at this level, or the reason why there is none. A straight line is an exponential: its
-    slope is the real part of the zero that sets the preactuation.
+    draw: Callable[[Axes, RunResult, list[int], tuple[float, float]], None]
+    signal: str
+    text: Callable[[Channels, list[int]], str]
+    has_legend: bool = True
 
-    Raises InvtrackError unless 0 < level < 1.
+
+@dataclass(frozen=True)
+class _Panel:
+    """A panel, with the numbers of the channels of one unit that are drawn in it."""
+
+    kind: _Kind
+    channels: list[int]
+
+    def title(self, result: RunResult) -> str:
+        """What stands at its axis."""
+        return self.kind.text(getattr(result, self.kind.signal).channels, self.channels)
+
+    def inches(self, result: RunResult, width: float) -> float:
+        """Its height, with room for a legend in a panel as wide as that [inches]."""
+        names = getattr(result, self.kind.signal).channels.names
+        entries = [*(names[i] for i in self.channels), "reference"] if self.kind.has_legend else []
+        return inches_with_legend(entries, width=width, height=PANEL_INCHES)
+
+
+def _drawn(
+    result: RunResult,
+    panels: Sequence[_Panel],
+    window: tuple[float, float],
+    ax: AxesGiven | None,
+    *,
+    title: str,
+    size: tuple[float, float],
+    arranged: Callable[[Figure], list[Axes]],
+) -> Figure:
+    """The panels on a sheet.
+
+    Args:
+        result: the run.
+        panels: what is drawn.
+        window: (start, end) [s].
+        ax: panels that the caller hands in.
+        title, size, arranged: of a figure of our own, as for `sheet`.
     """
-    require_run(result)
-    start, end = result.manoeuvre
-    found = actuation_time(result, "before", level)
-    lasting, rest = found.value or 0.0, result.rest_inputs[0]
-    departure = result.applied.values - np.where(np.isnan(rest), 0.0, rest)
-    magnitude = np.hypot.reduce(np.abs(departure), axis=1)  # no squares: they overflow in a run that diverges
-    finite = magnitude[np.isfinite(magnitude)]
-    peak = float(finite.max()) if len(finite) else 0.0
-    middle = (result.time[:-1] + result.time[1:]) / 2
-    lead = min(start - float(result.time[0]), max(3 * lasting, end - start))
-    window = (start - lead, start + 0.15 * max(lead, end - start))
-    shown = (middle >= window[0]) & (middle <= window[1])
-    unit = join_units(result.applied.channels.units)
-    size = f"{peak:.3g}" if unit == "1" else f"{peak:.3g} {unit}"
-    with shared_style():
-        figure = new_figure(f"{result.model}: {result.name}, input before the manoeuvre", width=8, height=3.4)
-        axes = figure.add_subplot()
-        draw_magnitudes(axes, [(middle[shown], magnitude[shown], {"color": COLORS[0]})], peak=peak or None)
-        axes.set_xlim(*window)
-        axes.set_xlabel("time [s]")
-        axes.set_ylabel(rf"$|u - u_\mathrm{{rest}}|$ [{unit}]")
-        axes.axvline(start, color=FAINT, linewidth=0.8, linestyle=(0, (1, 2)))
-        write(axes, "$T_i$", (start, 1), axes.get_xaxis_transform(), (0, 1), ha="center", va="bottom")
-        if peak > 0:
-            axes.axhline(level * peak, color=COLORS[1], linewidth=1, linestyle="--")
-            text = f"{100 * level:g} % of the peak {size}"
-            write(axes, text, (0, level * peak), axes.get_yaxis_transform(), (4, 3), color=COLORS[1])
-        if lasting > 0 and peak > 0:
-            height = level * peak * 0.4
-            arrow = {"arrowstyle": "<->", "color": INK, "linewidth": 0.9, "shrinkA": 0, "shrinkB": 0}
-            axes.annotate("", (start - lasting, height), (start, height), arrowprops=arrow)
-            text = f"preactuation time {lasting:.3g} s"
-            write(axes, text, (start, height), "data", (-3, -4), ha="right", va="top")
-        if found.note:
-            said = "no preactuation time: " if found.value is None else f"preactuation time {found.value:.3g} s, "
-            write(axes, said + found.note, (0, 1), axes.transAxes, (4, -4), va="top")
-    return figure
+    with sheet(title, [panel.title(result) for panel in panels], ax, size=size, arranged=arranged) as page:
+        for axes, panel in zip(page.axes, panels, strict=True):
+            panel.kind.draw(axes, result, panel.channels, window)
+            axes.set_ylabel(panel.title(result))
+            topmost = not any(axes.get_shared_x_axes().joined(axes, other) for other in page.axes[: page.axes.index(axes)])
+            mark_intervals(axes, result, window, labelled=topmost)
+    return page.figure
 
 
-def _draw_states(axes: Axes, result: RunResult, unit: str, window: tuple[float, float]) -> None:
-    part = within(result.time, window)
-    names = _states_in(result, unit)
-    for name, look in zip(names, line_looks(len(names)), strict=True):
-        draw_line(axes, result.time[part], result.state[name][part], label=name, **look)
-    for i, name in enumerate(names):
-        wanted = result.state_reference[name][part]
-        draw_line(axes, result.time[part], wanted, label="plan" if i == 0 else None, **REFERENCE)
-    axes.set_ylabel(label(names[0], unit) if len(names) == 1 else f"states [{unit}]")
-    _add_legend(axes)
+def _by_unit(channels: Channels) -> Iterator[list[int]]:
+    """Numbers of the channels that have the same unit, unit by unit."""
+    for unit in dict.fromkeys(channels.units):
+        yield [i for i, its_unit in enumerate(channels.units) if its_unit == unit]
 
 
-def _draw_output(axes: Axes, result: RunResult, window: tuple[float, float]) -> None:
-    part = within(result.time, window)
-    _draw_channels(axes, result, result.output, window)
-    for i, channel in enumerate(result.reference.values[part].T):
-        draw_line(axes, result.time[part], channel, label="reference" if i == 0 else None, **REFERENCE)
-    axes.set_ylabel(_axis_label("output", result.output))
-    _add_legend(axes)
+def _draw_states(axes: Axes, result: RunResult, channels: list[int], window: tuple[float, float]) -> None:
+    _draw_beside(axes, result.time, (result.state, result.state_reference), channels, window, wanted="plan")
 
 
-def _draw_error(axes: Axes, result: RunResult, window: tuple[float, float]) -> None:
-    part = within(result.time, window)
-    looks = line_looks(result.error.shape[1])
-    channels = zip(result.error[part].T, looks, strict=True)
-    draw_magnitudes(axes, [(result.time[part], channel, {**look}) for channel, look in channels])
-    axes.set_ylabel(f"$|y - y_d|$ [{join_units(result.output.channels.units)}]")
+def _draw_outputs(axes: Axes, result: RunResult, channels: list[int], window: tuple[float, float]) -> None:
+    _draw_beside(axes, result.time, (result.output, result.reference), channels, window, wanted="reference")
 
 
-def _draw_input(axes: Axes, result: RunResult, window: tuple[float, float]) -> None:
-    part = within(result.time, window)
-    names = result.applied.channels.names
-    for name, look in zip(names, line_looks(len(names)), strict=True):
-        draw_steps(axes, result.time[part], result.applied[name][part], label=name, **look)
-    if not np.array_equal(result.applied.values[part], result.commanded.values[part]):
-        for i, name in enumerate(result.commanded.channels.names):
-            draw_steps(axes, result.time[part], result.commanded[name][part], label="commanded" if i == 0 else None, **REFERENCE)
-    axes.set_ylabel(_axis_label("input", result.applied))
-    _add_legend(axes)
+def _draw_inputs(axes: Axes, result: RunResult, channels: list[int], window: tuple[float, float]) -> None:
+    changed = not np.array_equal(result.applied.values[:, channels], result.commanded.values[:, channels])
+    signals = (result.applied, result.commanded if changed else None)
+    _draw_beside(axes, result.time, signals, channels, window, wanted="commanded", draw=draw_steps)
 
 
-def _draw_channels(axes: Axes, result: RunResult, signal: Signal, window: tuple[float, float]) -> None:
-    part = within(result.time, window)
-    for name, look in zip(signal.channels.names, line_looks(len(signal.channels)), strict=True):
-        draw_line(axes, result.time[part], signal[name][part], label=name, **look)
+def _draw_beside(
+    axes: Axes,
+    time: Array,
+    signals: tuple[Signal, Signal | None],
+    channels: list[int],
+    window: tuple[float, float],
+    *,
+    wanted: str,
+    draw: Callable[..., None] = draw_line,
+) -> None:
+    """Channels of a signal, each above the pale one that it should follow.
 
-
-def _axis_label(kind: str, signal: Signal) -> str:
-    if len(signal.channels) == 1:
-        return label(signal.channels.names[0], signal.channels.units[0])
-    return f"{kind}s [{join_units(signal.channels.units)}]"
-
-
-def _states_in(result: RunResult, unit: str) -> list[str]:
-    """The states that have this unit."""
-    channels = result.state.channels
-    return [name for name, its_unit in zip(channels.names, channels.units, strict=True) if its_unit == unit]
-
-
-def _add_legend(axes: Axes) -> None:
-    """A legend in rows above the lines, for which the panel is made higher: no line lies below it."""
+    Args:
+        axes: the panel.
+        time: of the samples [s].
+        signals: what was, and what was wanted, if that is drawn.
+        channels: numbers of those that are drawn.
+        window: (start, end) [s].
+        wanted: how what was wanted is called.
+        draw: draws a line.
+    """
+    part, (actual, target) = within(time, window), signals
+    for channel, look in zip(channels, channel_looks(len(channels)), strict=True):
+        draw(axes, time[part], actual.values[part, channel], label=actual.channels.names[channel], **look)
+        if target is not None and np.any(np.isfinite(target.values[part, channel])):
+            draw(axes, time[part], target.values[part, channel], **{**WANTED, "color": look["color"]})
     handles, names = axes.get_legend_handles_labels()
-    if len(handles) < 2:
-        return
-    columns = _legend_columns(names)
-    rows = -(-len(handles) // columns)
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + ROW_SHARE * rows * (high - low))
-    legend = axes.legend(loc="upper left", ncols=columns, borderaxespad=0.2, columnspacing=1.2)
-    legend.set_in_layout(False)  # a name wider than the panel is cut off; it does not push the panel away
+    if target is not None and len(axes.get_lines()) > len(handles):
+        from matplotlib.lines import Line2D
+
+        color = handles[0].get_color() if len(handles) == 1 else WANTED["color"]  # type: ignore[attr-defined]
+        handles, names = [*handles, Line2D([], [], **{**WANTED, "color": color})], [*names, wanted]
+    legend_above_lines(axes, handles, names)
 
 
-def _legend_columns(names: Sequence[str]) -> int:
-    """How many entries stand side by side, up to three: as many as are no wider together than a panel."""
-    return min(LEGEND_COLUMNS, max(1, int(LEGEND_INCHES / (max(map(inches, names)) + ENTRY_INCHES))))
+def _draw_errors(axes: Axes, result: RunResult, channels: list[int], window: tuple[float, float]) -> None:
+    part = within(result.time, window)
+    with np.errstate(invalid="ignore", over="ignore"):  # of a run that diverged
+        error = result.error[part]
+    for channel, look in zip(channels, channel_looks(len(channels)), strict=True):
+        draw_line(axes, result.time[part], error[:, channel], **look)
 
 
-def _inches_with_legend(names: Sequence[str]) -> float:
-    """The height of a panel in which a legend with these entries finds room above the lines."""
-    rows = -(-len(names) // _legend_columns(names))
-    return ROW_INCHES * (1 + ROW_SHARE * rows) / ROW_SHARE
+def _draw_sizes(axes: Axes, result: RunResult, channels: list[int], window: tuple[float, float]) -> None:
+    part = within(result.time, window)
+    looks: list[dict[str, Any]] = channel_looks(len(channels))
+    draw_magnitudes(
+        axes, [(result.time[part], result.error[part, channel], look) for channel, look in zip(channels, looks, strict=True)]
+    )
+
+
+def _named(kind: str) -> Callable[[Channels, list[int]], str]:
+    """What stands at an axis: the channel where it is one, else what kind of channels they are."""
+
+    def text(channels: Channels, shown: list[int]) -> str:
+        unit = channels.units[shown[0]]
+        return label(channels.names[shown[0]], unit) if len(shown) == 1 else with_unit(kind, unit)
+
+    return text
+
+
+def _fixed(symbol: str) -> Callable[[Channels, list[int]], str]:
+    return lambda channels, shown: with_unit(symbol, channels.units[shown[0]])
+
+
+_STATES = _Kind(_draw_states, "state", _named("states"))
+_OUTPUTS = _Kind(_draw_outputs, "output", _named("outputs"))
+_ERRORS = _Kind(_draw_errors, "output", _fixed("$y - y_d$"), has_legend=False)
+_SIZES = _Kind(_draw_sizes, "output", _fixed("$|y - y_d|$"), has_legend=False)
+_INPUTS = _Kind(_draw_inputs, "applied", _named("inputs"))

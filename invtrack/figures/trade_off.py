@@ -11,11 +11,14 @@ from invtrack.arguments import flag, require_text, texts
 from invtrack.arrays import Array, shown
 from invtrack.errors import InvtrackError
 from invtrack.figures.panels import panels_of, values_of
-from invtrack.figures.style import INK, legend_below, line_looks, new_figure, shared_style
+from invtrack.figures.sheet import sheet
+from invtrack.figures.style import INK, channel_looks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from invtrack.figures.sheet import AxesGiven
 
 Curves = Mapping[str, Sequence[float]]
 
@@ -33,6 +36,7 @@ def trade_off_figure(
     notes: Sequence[str] = (),
     horizontal_log: bool = False,
     vertical_log: bool = False,
+    ax: AxesGiven | None = None,
 ) -> Figure:
     """Panels above each other, one per quantity, over one quantity that is given up; the points of a curve joined in their order.
 
@@ -46,8 +50,9 @@ def trade_off_figure(
         notes: a text for each point, "" for those without, written beside the point's first curve of the top panel and marked in
             all panels.
         horizontal_log, vertical_log: whether the axes are logarithmic; on these a value that is not positive has no place.
+        ax: panels to draw on in place of a figure of its own, as many.
 
-    Raises InvtrackError where lengths differ, or where there is nothing to draw.
+    Raises InvtrackError where lengths differ, where there is nothing to draw, and for another number of panels in `ax`.
     """
     if not isinstance(horizontal, (tuple, list)) or len(horizontal) != 2:
         raise InvtrackError(f"horizontal must be (label, value of each point), got {shown(horizontal)}")
@@ -67,14 +72,13 @@ def trade_off_figure(
     names = list(dict.fromkeys(name for _, curves in panels for name in curves))
     looks = {
         name: {**look, "marker": MARKERS[i % len(MARKERS)]}
-        for i, (name, look) in enumerate(zip(names, line_looks(len(names)), strict=True))
+        for i, (name, look) in enumerate(zip(names, channel_looks(len(names)), strict=True))
     }
     from matplotlib.ticker import LogFormatterSciNotation, LogLocator
 
-    with shared_style():
-        figure = new_figure(title, width=8.0, height=1.1 + INCHES_PER_PANEL * len(panels))
-        all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, (quantity, curves) in zip(all_axes, panels, strict=True):
+    titles = [quantity for quantity, _ in panels]
+    with sheet(title, titles, ax, size=(8.0, 1.1 + INCHES_PER_PANEL * len(panels)), along=label) as page:
+        for axes, (quantity, curves) in zip(page.axes, panels, strict=True):
             if horizontal_log:
                 axes.set_xscale("log")
                 axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
@@ -87,13 +91,11 @@ def trade_off_figure(
                 axes.plot(values, np.asarray(curve, dtype=float), label=name, markersize=3.5, **looks[name])
             axes.set_ylabel(quantity)
             axes.margins(x=0.06, y=0.12)
-            _mark_notes(axes, values, curves, notes, written=axes is all_axes[0])
-        all_axes[-1].set_xlabel(label)
-        figure.align_ylabels()
+            _mark_notes(axes, values, curves, notes, written=axes is page.axes[0])
         if len(names) > 1:
-            handles = {text: handle for axes in all_axes for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
-            legend_below(figure, list(handles.values()), list(handles))
-    return figure
+            handles = {text: handle for axes in page.axes for handle, text in zip(*axes.get_legend_handles_labels(), strict=True)}
+            page.legend(list(handles.values()), list(handles))
+    return page.figure
 
 
 def _require_fit(label: str, count: int, panels: Sequence[tuple[str, Curves]], notes: Sequence[str]) -> None:

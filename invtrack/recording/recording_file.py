@@ -26,7 +26,8 @@ from invtrack.recording.samples import FORMAT, read_samples, require_format, sam
 from invtrack.recording.scene import Scene, make_scene, send_scene
 from invtrack.recording.series import send_series
 from invtrack.recording.stream import Stream
-from invtrack.recording.thinning import shown_interval, thinning
+from invtrack.recording.thinning import thinning
+from invtrack.results.interval import shown_interval
 from invtrack.results.result import RunResult
 
 SHARED_ROOT = "case"

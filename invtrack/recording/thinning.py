@@ -9,14 +9,12 @@ costs one row a bucket, and no peak is lost, however short. Around whatever happ
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.arrays import Array
-from invtrack.results.inputs import actuation_time
 from invtrack.results.result import RunResult
 
 COLUMNS = 2000
@@ -30,20 +28,6 @@ IN_MANOEUVRE = 1000
 
 AROUND = 10
 """Samples that are kept on either side of an event, a change of a parameter, a gap in the values and the run's ends."""
-
-
-def shown_interval(runs: Sequence[RunResult]) -> tuple[float, float]:
-    """The time [s] that the plots show at first: the manoeuvre, the preactuation and postactuation times of `invtrack.results`, one
-    period of vibration after it."""
-    starts, ends = [], []
-    for run in runs:
-        begin, end = run.manoeuvre
-        starts.append(begin - (actuation_time(run, "before").value or 0.0))
-        ring_down = run.vibration_period if np.isfinite(run.vibration_period) else 0.0
-        ends.append(end + max(ring_down, 0.5 * (end - begin), actuation_time(run, "after").value or 0.0))
-    margin = 0.03 * (max(ends) - min(starts))
-    first, last = min(run.time[0] for run in runs), max(run.time[-1] for run in runs)
-    return float(max(min(starts) - margin, first)), float(min(max(ends) + margin, last))
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ import tyro
 
 from invtrack.control.protocol import Controller
 from invtrack.errors import InvtrackError
-from invtrack.figures.style import save_figure
+from invtrack.figures import save_figure
 from invtrack.plant.plant import Plant
 from invtrack.results import metrics
 from invtrack.results.result import RunResult

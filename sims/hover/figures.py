@@ -33,22 +33,29 @@ def papers_figures(plans: Plans) -> dict[str, Callable[[Session], Figure]]:
     T_i, T_f = next(iter(plans.values())).manoeuvre
     wanted, near, long = (T_i - 1.0, T_f + 1.0), (T_i - BEFORE, T_f + AFTER), (T_i - LONG_BEFORE, T_f)
 
+    def figure(subject: str, panels: Panels, window: tuple[float, float]) -> Figure:
+        return _overlay(subject, panels, window, (T_i, T_f))
+
     def runs(done: Session) -> Runs:
         return {run.name: run for run in done.among(plans)}
 
     return {
-        "figure_2_desired_velocities": lambda done: _figure("desired velocities", _desired(plans, 0), wanted),
-        "figure_3_desired_accelerations": lambda done: _figure("desired accelerations", _desired(plans, 1), wanted),
-        "figure_4_lateral_and_vertical_velocity": lambda done: _figure(
+        "figure_2_desired_velocities": lambda done: figure("desired velocities", _desired(plans, 0), wanted),
+        "figure_3_desired_accelerations": lambda done: figure("desired accelerations", _desired(plans, 1), wanted),
+        "figure_4_lateral_and_vertical_velocity": lambda done: figure(
             "lateral and vertical velocity", _outputs("VW", plans, runs(done)), wanted
         ),
-        "figure_5_forward_velocity_and_yaw_rate": lambda done: _figure(
+        "figure_5_forward_velocity_and_yaw_rate": lambda done: figure(
             "forward velocity and yaw rate (desired: zero)", _outputs("UR", plans, runs(done)), near
         ),
-        "figure_6_inputs": lambda done: _figure("feedforward inputs", _inputs(INPUTS[:2], plans), near),
-        "figure_7_inputs": lambda done: _figure("feedforward inputs", _inputs(INPUTS[2:], plans), near),
-        "figure_8_attitudes": lambda done: _figure("pitch and roll", _attitudes(plans, runs(done)), near),
-        "figure_9_preactuation": lambda done: _figure("preactuation in the feedforward", _magnitudes(plans), long),
+        "figure_6_inputs": lambda done: figure(
+            "feedforward inputs, collective and longitudinal cyclic", _inputs(INPUTS[:2], plans), near
+        ),
+        "figure_7_inputs": lambda done: figure(
+            "feedforward inputs, lateral cyclic and tail rotor", _inputs(INPUTS[2:], plans), near
+        ),
+        "figure_8_attitudes": lambda done: figure("pitch and roll", _attitudes(plans, runs(done)), near),
+        "figure_9_preactuation": lambda done: figure("preactuation in the feedforward", _magnitudes(plans), long),
     }
 
 
@@ -62,11 +69,11 @@ def errors_in_mujoco(done: Session) -> Figure:
             (f"log10 of |error of {name}| [{UNITS[name]}]", {case: (runs[case].time, np.log10(e)) for case, e in sizes.items()})
         )
     T_i, T_f = next(iter(runs.values())).manoeuvre
-    return _figure("errors in MuJoCo", panels, (T_i - BEFORE, T_f + AFTER))
+    return _overlay("errors in MuJoCo", panels, (T_i - BEFORE, T_f + AFTER), (T_i, T_f))
 
 
-def _figure(subject: str, panels: Panels, window: tuple[float, float]) -> Figure:
-    return overlay_figure(f"hover (HE3): {subject}", panels=panels, window=window)
+def _overlay(subject: str, panels: Panels, window: tuple[float, float], manoeuvre: tuple[float, float]) -> Figure:
+    return overlay_figure(f"hover (HE3): {subject}", panels=panels, window=window, manoeuvre=manoeuvre)
 
 
 def _times(plans: Plans) -> np.ndarray:

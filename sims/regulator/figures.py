@@ -50,7 +50,7 @@ def _decay(estimate: tuple[np.ndarray, np.ndarray, float], run: invtrack.RunResu
     """What a wrong estimate does: its own error, and a long run's tracking error with its rate."""
     part = (run.time >= run.manoeuvre[0]) & (run.time <= run.manoeuvre[1])
     decays = [
-        Decay("error of the estimated $x_e$ [1]", *estimate),
+        Decay("error of the estimated $x_e$", *estimate),
         Decay(f"$|y - y_d|$ of {run.name} [m]", run.time[part], np.max(np.abs(run.error[part]), axis=1), rate),
     ]
     return decay_figure("From a wrong estimate: measured errors and designed rates", decays)

@@ -44,7 +44,9 @@ def wanted_output() -> Figure:
         for order, (name, unit) in enumerate(zip((r"$\theta_2$", r"$\dot\theta_2$", r"$\ddot\theta_2$"), units, strict=True))
     ]
     return overlay_figure(
-        f"two_disc: wanted output and its derivatives, {SLEW_TEXT}\n(experimental paper, figure 2)", panels=panels
+        f"two_disc: wanted output and its derivatives, {SLEW_TEXT}\n(experimental paper, figure 2)",
+        panels=panels,
+        manoeuvre=reference.manoeuvre,
     )
 
 
@@ -73,7 +75,7 @@ def prefilter_response(model: invtrack.StateSpace) -> Figure:
         "two_disc: prefilter from wanted to redesigned output, of zero phase, r = 1\n(AIAA note, lemma)",
         w=w,
         curves=curves,
-        magnitude="$|G_f|$ [1]",
+        magnitude="$|G_f|$",
         phase=False,
     )
 
@@ -84,11 +86,11 @@ def redesign(plans: Plans) -> Figure:
     values = {"exact inversion": plans.exact(times), "redesigned": plans.redesigned(times)}
     panels = [
         (r"$\theta_2$ [rad]", {name: (times, at.y[:, 0]) for name, at in values.items()}),
-        ("motor [1]", {name: (times, at.u[:, 0]) for name, at in values.items()}),
+        ("motor command", {name: (times, at.u[:, 0]) for name, at in values.items()}),
         (r"$\theta_1 - \theta_2$ [rad]", {name: (times, twist(at.x)) for name, at in values.items()}),
     ]
     title = f"two_disc: output, input and twist, {SLEW_TEXT}\n(AIAA note, figure 1; experimental paper, figures 3 to 5)"
-    return overlay_figure(title, panels=panels)
+    return overlay_figure(title, panels=panels, manoeuvre=plans.exact.manoeuvre)
 
 
 def experiment_runs(results: Sequence[invtrack.RunResult]) -> Figure:
@@ -101,10 +103,10 @@ def experiment_runs(results: Sequence[invtrack.RunResult]) -> Figure:
             {"wanted": (first.time, first.reference.values[:, 0])} | {n: (r.time, r.output.values[:, 0]) for n, r in runs.items()},
         ),
         (r"$\theta_1 - \theta_2$ [rad]", {name: (result.time, twist(result.state.values)) for name, result in runs.items()}),
-        ("motor [1]", {name: (result.time[:-1], result.applied.values[:, 0]) for name, result in runs.items()}),
+        ("motor command", {name: (result.time[:-1], result.applied.values[:, 0]) for name, result in runs.items()}),
     ]
     title = f"two_disc, {DRAWN} and noisy sensors: output, twist and input\n(experimental paper, figures 7 and 8)"
-    return overlay_figure(title, panels=panels, wanted="wanted", window=WINDOW)
+    return overlay_figure(title, panels=panels, wanted="wanted", window=WINDOW, manoeuvre=first.manoeuvre)
 
 
 def durations(profile: str, done: Session) -> Figure:
@@ -119,5 +121,5 @@ def durations(profile: str, done: Session) -> Figure:
         label="duration of the slew [s]",
         values=[row["duration"] for row in chosen],
         **curves,
-        quantity="share [1]",
+        quantity="share",
     )

@@ -160,7 +160,7 @@ def draw_limits(slew_: LimitedSlew) -> Figure:
     """What is given up of the output, input and twist, with their limits."""
     times = np.linspace(*WINDOW, 6001)
     values = {name.replace("_", " "): plan(times) for name, plan in slew_.plans.items()}
-    motor, shaft = "motor [1]", r"$\theta_1 - \theta_2$ [rad]"
+    motor, shaft = "motor command", r"$\theta_1 - \theta_2$ [rad]"
     panels = [
         (r"$\theta_2$ - wanted [rad]", {name: (times, (at.y - at.y_d)[:, 0]) for name, at in values.items()}),
         (motor, {name: (times, at.u[:, 0]) for name, at in values.items()}),
@@ -168,4 +168,5 @@ def draw_limits(slew_: LimitedSlew) -> Figure:
     ]
     limits = {motor: (-INPUT, INPUT), shaft: (-TWIST_LIMIT, TWIST_LIMIT)}
     title = f"two_disc: {PROFILE} of {DURATION:g} s within limits on input, its rate ({RATE:g} 1/s) and twist"
-    return overlay_figure(title, panels=panels, window=WINDOW, limits=limits)
+    manoeuvre = next(iter(slew_.plans.values())).manoeuvre
+    return overlay_figure(title, panels=panels, window=WINDOW, limits=limits, manoeuvre=manoeuvre)

@@ -120,7 +120,7 @@ def draw_remedies(title: str, rows: list[dict[str, Any]]) -> Figure:
     remedies = dict.fromkeys(row["remedy"] for row in rows)
     panels = [
         (label, {remedy: [row[key] if row["remedy"] == remedy else np.nan for row in rows] for remedy in remedies})
-        for label, key in (("largest error [rad]", "max_error"), ("peak input [1]", "peak_input"))
+        for label, key in (("largest error [rad]", "max_error"), ("peak input", "peak_input"))
     ]
     return trade_off_figure(
         title,

@@ -10,7 +10,7 @@ import pytest
 from invtrack.channels import Channels
 from invtrack.errors import InvtrackError
 from invtrack.figures import around_figure, comparison_figure
-from invtrack.results import RunResult
+from invtrack.results import RunResult, preactuation_time
 from tests.figures.drawn import error_sizes, legend_entries, line_named, points, texts
 from tests.synthetic_runs import JUMP, TwoModes, two_mode_run
 
@@ -25,12 +25,15 @@ def runs() -> list[RunResult]:
     ]
 
 
-def test_errors_above_inputs_with_units_and_a_legend_of_the_runs(runs: list[RunResult]) -> None:
+def test_outputs_errors_and_inputs_with_units_and_a_legend_of_the_runs(runs: list[RunResult]) -> None:
     figure = comparison_figure(runs, window=(-2.0, 6.0))
-    errors, inputs = figure.axes
-    assert (errors.get_ylabel(), inputs.get_ylabel()) == ("$|y - y_d|$ [m]", "base force [N]")
-    assert (errors.get_yscale(), inputs.get_xlabel(), inputs.get_xlim()) == ("log", "time [s]", (-2.0, 6.0))
-    assert legend_entries(figure) == [run.name for run in runs]
+    outputs, errors, inputs = figure.axes
+    assert [axes.get_ylabel() for axes in figure.axes] == ["tip position [m]", "$|y - y_d|$ [m]", "base force [N]"]
+    assert [axes.get_yscale() for axes in figure.axes] == ["linear", "log", "linear"]
+    assert (inputs.get_xlabel(), inputs.get_xlim()) == ("time [s]", (-2.0, 6.0))
+    assert legend_entries(figure) == [*(run.name for run in runs), "reference"]
+    time, drawn = points(line_named(outputs, "reference"))
+    np.testing.assert_array_equal(drawn, runs[0].reference.values[np.searchsorted(runs[0].time, time), 0])
     for number, run in enumerate(runs):
         line = line_named(errors, run.name)
         time, drawn = points(line)
@@ -50,8 +53,8 @@ def test_the_error_of_several_outputs_is_the_largest_of_them(runs: list[RunResul
             reference=two(run.reference, wanted),  # type: ignore[arg-type]
         )
 
-    _, drawn = points(comparison_figure([twice(runs[0], -3.0)]).axes[0].get_lines()[0])
-    _, single = points(comparison_figure([runs[0]]).axes[0].get_lines()[0])
+    _, drawn = points(comparison_figure([twice(runs[0], -3.0)]).axes[2].get_lines()[0])
+    _, single = points(comparison_figure([runs[0]]).axes[1].get_lines()[0])
     np.testing.assert_allclose(drawn, 3.0 * single, rtol=1e-9, atol=1e-14)
 
 
@@ -60,9 +63,45 @@ def test_a_run_without_error_is_said_to_be_so_or_leaves_room_for_others(runs: li
     assert "exactly zero" in texts(comparison_figure([perfect, replace(perfect, name="too")]))
     mixed = comparison_figure([perfect, runs[0]])
     assert "exactly zero" not in texts(mixed)
-    low, high = mixed.axes[0].get_ylim()
+    low, high = mixed.axes[1].get_ylim()
     assert 0 < low < high
     assert high > np.abs(runs[0].error).max()
+
+
+def test_a_run_that_is_to_do_something_else_has_its_reference_in_its_own_colour(runs: list[RunResult]) -> None:
+    half = replace(runs[0], reference=replace(runs[0].reference, values=0.5 * runs[0].reference.values), name="half")
+    for other, expected in ((half, 1), (replace(runs[1], time=runs[1].time + 1e-9), 0)):
+        outputs = comparison_figure([runs[0], other]).axes[0]
+        color = line_named(outputs, other.name).get_color()
+        pale = [line for line in outputs.get_lines() if line.get_color() == color and line.get_label() != other.name]
+        assert len(pale) == expected
+
+
+def test_runs_that_coincide_are_all_to_be_seen(runs: list[RunResult]) -> None:
+    same = [replace(runs[0], name=f"run {number}") for number in range(4)]
+    lines = [line_named(comparison_figure(same).axes[0], run.name) for run in same]
+    widths, patterns = [line.get_linewidth() for line in lines], {str(line.get_linestyle()) for line in lines}
+    assert widths == sorted(widths, reverse=True)
+    assert len(set(widths)) == 4
+    assert lines[0].get_linestyle() == "-"
+    assert len(patterns) > 1
+
+
+def test_a_run_that_fails_leaves_the_panel_of_the_output(runs: list[RunResult]) -> None:
+    values = runs[0].output.values.copy()
+    values[runs[0].time > 2.0] = 1e6
+    low, high = (
+        comparison_figure([runs[0], replace(runs[0], output=replace(runs[0].output, values=values), name="off")]).axes[0].get_ylim()
+    )
+    span = np.ptp(runs[0].reference.values)
+    assert high - low <= 2.5 * span
+
+
+def test_preactuation_is_shown_unless_a_window_is_given(runs: list[RunResult]) -> None:
+    low, high = comparison_figure(runs).axes[0].get_xlim()
+    start, end = runs[0].manoeuvre
+    assert low < start - max(preactuation_time(run) for run in runs)
+    assert end < high <= end + (end - low)
 
 
 def test_runs_that_do_not_fit_are_refused(runs: list[RunResult]) -> None:
@@ -98,7 +137,7 @@ def test_the_legend_stays_in_the_figure_whatever_the_runs_are_called(runs: list[
     figure = comparison_figure(named)
     figure.draw_without_rendering()
     (legend,) = figure.legends
-    assert legend_entries(figure) == [run.name for run in named]
+    assert legend_entries(figure) == [*(run.name for run in named), "reference"]
     assert 0 <= legend.get_window_extent().x0 < legend.get_window_extent().x1 <= figure.bbox.width
     lines = {round(text.get_window_extent().y0) for text in legend.get_texts()}
     assert (len(lines) == 1) == (length == 4)

@@ -12,7 +12,7 @@ import invtrack
 from invtrack.errors import InvtrackError
 from invtrack.figures import Decay, decay_figure, frequency_response_figure, overlay_figure, plan_figure, sweep_figure
 from tests.cited_plants import cantilever_paper
-from tests.figures.drawn import legend_entries, line_named, points
+from tests.figures.drawn import legend_entries, line_named, points, texts
 
 ComplexArray = NDArray[np.complex128]
 
@@ -27,15 +27,28 @@ def test_overlaid_curves_keep_their_look_and_limits_are_drawn() -> None:
     ]
     figure = overlay_figure("t", panels=panels, wanted="wanted", window=(2.0, 4.0), limits={"motor [1]": (-0.5, 0.5)})
     upper, lower = figure.axes
-    wanted, exact = upper.lines
-    assert wanted.get_zorder() > exact.get_zorder()
+    wanted, exact = (line_named(upper, name) for name in ("wanted", "exact"))
+    assert wanted.get_zorder() < exact.get_zorder()
+    assert wanted.get_linewidth() > 2 * exact.get_linewidth()
     assert exact.get_color() == lower.lines[0].get_color() != wanted.get_color()
     shown = np.asarray(exact.get_xdata(), dtype=float)
     assert 1.9 <= shown[0] <= 2.0
     assert 4.0 <= shown[-1] <= 4.1 + 1e-9
     assert [line.get_ydata()[0] for line in lower.lines[1:]] == [-0.5, 0.5]  # type: ignore[index]
     assert lower.get_xlabel() == "time [s]"
-    assert legend_entries(figure) == ["wanted", "exact", "limit"]
+    assert legend_entries(figure) == ["exact", "wanted", "limit"]
+
+
+def test_the_manoeuvre_is_marked_where_it_is_given() -> None:
+    times = np.linspace(0.0, 10.0, 101)
+    panels = [("y [m]", {"a": (times, times)}), ("u [N]", {"a": (times, times)})]
+    for manoeuvre, expected in (((2.0, 4.0), [2.0, 4.0]), (None, [])):
+        figure = overlay_figure("t", panels=panels, manoeuvre=manoeuvre)
+        for axes in figure.axes:
+            assert [float(np.asarray(line.get_xdata())[0]) for line in axes.lines if line.get_label() != "a"] == expected
+        assert [name for name in texts(figure) if name in ("$T_i$", "$T_f$")] == ["$T_i$", "$T_f$"][: len(expected)]
+    with pytest.raises(InvtrackError, match=r"manoeuvre must be \(start, end\) \[s\]"):
+        overlay_figure("t", panels=panels, manoeuvre=(4.0, 2.0))
 
 
 def test_overlays_that_do_not_fit_are_refused() -> None:
@@ -88,7 +101,7 @@ def test_a_sweep_has_a_line_and_markers_of_one_colour_for_each_curve() -> None:
     assert (line.get_linestyle(), markers.get_linestyle(), markers.get_marker()) == ("-", "None", "o")
     for drawn, expected in ((line, curves["change"]), (markers, measured["change"]), (other, curves["input"])):
         assert [side.tolist() for side in points(drawn)] == [values, expected]
-    assert legend_entries(axes) == ["change, predicted", "change, measured", "input, predicted"]
+    assert legend_entries(figure) == ["change, predicted", "change, measured", "input, predicted"]
 
 
 def test_what_was_only_measured_is_joined_up_on_logarithmic_axes() -> None:
@@ -98,7 +111,7 @@ def test_what_was_only_measured_is_joined_up_on_logarithmic_axes() -> None:
     (axes,) = figure.axes
     (line,) = axes.lines
     assert (axes.get_xscale(), axes.get_yscale(), line.get_linestyle(), line.get_marker()) == ("log", "log", "-", "o")
-    assert legend_entries(axes) == ["a, measured"]
+    assert legend_entries(figure) == ["a, measured"]
 
 
 def test_sweeps_of_another_length_are_refused() -> None:

@@ -15,7 +15,9 @@ from matplotlib.image import imread
 from invtrack.channels import Channels
 from invtrack.errors import FileError
 from invtrack.figures import save_figure, tracking_figure
-from invtrack.figures.style import envelope, line_looks, parameter_intervals, within
+from invtrack.figures.lines import envelope
+from invtrack.figures.marks import parameter_intervals, within
+from invtrack.figures.style import channel_looks, line_looks
 from invtrack.results import Signal
 from tests.synthetic_runs import JUMP, two_mode_run
 
@@ -55,9 +57,9 @@ def test_a_window_takes_one_sample_more_on_either_side() -> None:
     assert time[within(time, (-5.0, 50.0))].tolist() == time.tolist()
 
 
-def test_eighteen_lines_look_different() -> None:
-    looks = [tuple(look.items()) for look in line_looks(18)]
-    assert len(set(looks)) == 18
+def test_thirty_six_lines_look_different_by_colour_and_dashes_alone() -> None:
+    for looks in (line_looks(36), channel_looks(36)):
+        assert len({(look["color"], look["linestyle"]) for look in looks}) == 36
 
 
 def test_a_saved_figure_is_the_drawn_one_at_150_dots_per_inch(tmp_path: Path) -> None:

@@ -30,28 +30,50 @@ def panel(axes: list[Axes], ylabel: str) -> Axes:
 
 def test_panels_of_states_output_error_and_input_with_their_units(run: RunResult) -> None:
     axes = tracking_figure(run).axes
-    labels = ["states [m]", "states [m/s]", "tip position [m]", "$|y - y_d|$ [m]", "base force [N]"]
+    labels = ["states [m]", "states [m/s]", "$y - y_d$ [m]", "tip position [m]", "$|y - y_d|$ [m]", "base force [N]"]
     assert [one.get_ylabel() for one in axes] == labels
-    assert [one.get_xlabel() for one in axes] == ["", "time [s]", "", "", "time [s]"]
-    assert [one.get_yscale() for one in axes] == ["linear", "linear", "linear", "log", "linear"]
+    assert [one.get_xlabel() for one in axes] == ["", "", "time [s]", "", "", "time [s]"]
+    assert [one.get_yscale() for one in axes] == ["linear", "linear", "linear", "linear", "log", "linear"]
 
 
 def test_the_lines_are_the_samples_of_the_run(run: RunResult) -> None:
-    axes = tracking_figure(run).axes
     start, end = MANOEUVRE
+    axes = tracking_figure(run, window=(2 * start - end, 2 * end - start)).axes
     shown = (run.time > 2 * start - end) & (run.time < 2 * end - start)
     for ylabel, name, values in (
         ("states [m]", "base", run.state["base"]),
         ("states [m/s]", "tip_velocity", run.state["tip_velocity"]),
         ("tip position [m]", "tip_position", run.output["tip_position"]),
-        ("tip position [m]", "reference", run.reference["tip_position"]),
     ):
         time, drawn = points(line_named(panel(axes, ylabel), name))
         inside = (time > 2 * start - end) & (time < 2 * end - start)
         np.testing.assert_array_equal(time[inside], run.time[shown])
         np.testing.assert_array_equal(drawn[inside], values[shown])
+    _, wanted, *_ = panel(axes, "tip position [m]").get_lines()
+    time, drawn = points(wanted)
+    np.testing.assert_array_equal(drawn, run.reference["tip_position"][np.searchsorted(run.time, time)])
     time, drawn = points(panel(axes, "$|y - y_d|$ [m]").get_lines()[0])
     np.testing.assert_array_equal(drawn, error_sizes(run, time))
+    time, drawn = points(panel(axes, "$y - y_d$ [m]").get_lines()[0])
+    np.testing.assert_array_equal(drawn, run.error[np.searchsorted(run.time, time), 0])
+
+
+def test_what_is_wanted_lies_pale_beneath_the_line_that_follows_it_in_the_same_colour(run: RunResult) -> None:
+    axes = panel(tracking_figure(run).axes, "states [m]")
+    for name in ("tip", "base"):
+        line = line_named(axes, name)
+        (pale,) = [each for each in axes.get_lines() if each.get_color() == line.get_color() and each is not line]
+        assert pale.get_zorder() < line.get_zorder()
+        assert pale.get_linewidth() > 2 * line.get_linewidth()
+        time, drawn = points(pale)
+        np.testing.assert_array_equal(drawn, run.state_reference[name][np.searchsorted(run.time, time)])
+
+
+def test_channels_of_different_units_have_panels_of_their_own(run: RunResult) -> None:
+    both = Signal(np.column_stack([run.output.values, run.output.values]), Channels(("tip", "yaw"), ("m", "rad")))
+    mixed = replace(run, output=both, reference=both, planned_output=both)
+    labels = [axes.get_ylabel() for axes in tracking_figure(mixed).axes]
+    assert {"tip [m]", "yaw [rad]", "$y - y_d$ [m]", "$y - y_d$ [rad]", "$|y - y_d|$ [m]", "$|y - y_d|$ [rad]"} <= set(labels)
 
 
 def test_an_input_holds_from_its_time_to_the_next(run: RunResult) -> None:
@@ -150,10 +172,12 @@ def test_windows_outside_the_run_are_refused(run: RunResult) -> None:
             tracking_figure(run, window=window)
 
 
-def test_the_default_window_is_the_manoeuvre_with_its_surroundings(run: RunResult) -> None:
+def test_the_default_window_holds_the_preactuation_and_what_follows(run: RunResult) -> None:
     start, end = MANOEUVRE
-    assert tracking_figure(run).axes[0].get_xlim() == (2 * start - end, 2 * end - start)
-    assert tracking_figure(two_mode_run(start=-1.0, end=5.0)).axes[0].get_xlim() == (-1.0, 5.0)
+    low, high = tracking_figure(run).axes[0].get_xlim()
+    assert low < start - preactuation_time(run) < start < end < high <= end + (end - low)
+    assert low > run.time[0]
+    assert tracking_figure(two_mode_run(start=-0.1, end=4.5)).axes[0].get_xlim() == (-0.1, 4.5)
     assert tracking_figure(run, window=(JUMP, 3.0)).axes[0].get_xlim() == (JUMP, 3.0)
 
 

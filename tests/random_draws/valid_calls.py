@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.console import Console
 
 import invtrack
@@ -172,6 +173,10 @@ def _calls() -> dict[str, Call]:
     w = np.array([0.5, 2.0])
     modified = {"real_part": 4.0, "axis_distance": 100.0, "error_poles": [-3.0]}
     line = (times, values)
+
+    def panels(count: int) -> Any:
+        return Figure().subplots(count)
+
     table: dict[str, Call] = {
         # top
         "Channels": call(invtrack.Channels, names=["a", "b"], units=["m", "N"]),
@@ -561,10 +566,12 @@ def _calls() -> dict[str, Call]:
         ),
         "load_recording": call(invtrack.load_recording, path="run.rrd"),
         # figures
-        "tracking_figure": call(figures.tracking_figure, result=run, window=(0.0, 1.0)),
-        "preactuation_figure": call(figures.preactuation_figure, result=vibrating, level=0.01),
-        "comparison_figure": call(figures.comparison_figure, results=[run, run], window=(0.0, 1.0)),
-        "around_figure": call(figures.around_figure, results=[vibrating], times={"start": 1.0}, before=0.5, after=0.5),
+        "tracking_figure": call(figures.tracking_figure, result=run, window=(0.0, 1.0), ax=panels(5)),
+        "preactuation_figure": call(figures.preactuation_figure, result=vibrating, level=0.01, ax=panels(1)),
+        "comparison_figure": call(figures.comparison_figure, results=[run, run], window=(0.0, 1.0), ax=panels(3)),
+        "around_figure": call(
+            figures.around_figure, results=[vibrating], times={"start": 1.0}, before=0.5, after=0.5, ax=panels(2)
+        ),
         "overlay_figure": call(
             figures.overlay_figure,
             title="a",
@@ -572,8 +579,10 @@ def _calls() -> dict[str, Call]:
             wanted="a",
             window=(0.0, 1.0),
             limits={"y [m]": (0.0, 1.0)},
+            manoeuvre=(0.0, 1.0),
+            ax=panels(1),
         ),
-        "plan_figure": call(figures.plan_figure, plans=plan, states=["x1"], window=(0.0, 1.0)),
+        "plan_figure": call(figures.plan_figure, plans=plan, states=["x1"], window=(0.0, 1.0), ax=panels(3)),
         "sweep_figure": call(
             figures.sweep_figure,
             takes=("NaN vector",),
@@ -584,6 +593,7 @@ def _calls() -> dict[str, Call]:
             predicted={"a": [1.0, 2.0]},
             measured={"a": [1.0, 2.0]},
             quantity="q",
+            ax=panels(1),
         ),
         "bands_figure": call(
             figures.bands_figure,
@@ -594,15 +604,18 @@ def _calls() -> dict[str, Call]:
             quantity="q",
             bands=(50.0, 90.0),
             manoeuvre=(0.0, 1.0),
+            ax=panels(1),
         ),
         "tornado_figure": call(
-            figures.tornado_figure, title="a", correlations={"mass": 0.5, "delay": -0.1}, samples=20, quantity="q"
+            figures.tornado_figure, title="a", correlations={"mass": 0.5, "delay": -0.1}, samples=20, quantity="q", ax=panels(1)
         ),
         "histogram_figure": call(
-            figures.histogram_figure, takes=("NaN vector",), title="a", values=values, quantity="q", limit=2.0
+            figures.histogram_figure, takes=("NaN vector",), title="a", values=values, quantity="q", limit=2.0, ax=panels(1)
         ),
         "Decay": call(figures.Decay, label="e [m]", time=times, values=values, rate=1.0),
-        "decay_figure": call(figures.decay_figure, title="a", decays=[figures.Decay("e [m]", times, values + 1e-3, 1.0)]),
+        "decay_figure": call(
+            figures.decay_figure, title="a", decays=[figures.Decay("e [m]", times, values + 1e-3, 1.0)], ax=panels(1)
+        ),
         "frequency_response_figure": call(
             figures.frequency_response_figure,
             title="a",
@@ -610,6 +623,7 @@ def _calls() -> dict[str, Call]:
             curves={"G": response.G_f[:, 0, 0]},
             magnitude="|G|",
             phase=True,
+            ax=panels(2),
         ),
         "trade_off_figure": call(
             figures.trade_off_figure,
@@ -619,6 +633,7 @@ def _calls() -> dict[str, Call]:
             notes=["a", "b"],
             horizontal_log=False,
             vertical_log=False,
+            ax=panels(1),
         ),
         "save_figure": call(figures.save_figure, figure=figure, path="figure.png"),
         # plant
@@ -702,7 +717,7 @@ def _calls() -> dict[str, Call]:
             state=[0.1, 0.2],
             tolerance=1e-8,
         ),
-        "column_figure": call(figures.column_figure, result=vibrating, window=(-1.0, 1.0)),
+        "column_figure": call(figures.column_figure, result=vibrating, window=(-1.0, 1.0), ax=panels(3)),
         "svg_text": call(figures.svg_text, figure=figure, title="a"),
         # advice and report
         "advise": call(

@@ -11,7 +11,7 @@ import invtrack
 from invtrack.recording import save_recording
 from invtrack.recording.followed import followed_points
 from invtrack.recording.scene import make_scene
-from invtrack.recording.thinning import shown_interval
+from invtrack.results.interval import shown_interval
 from tests.recording.conftest import Recorded
 
 OUTPUTS = ["site:centre:x", "site:centre:z"]

@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from invtrack.recording import samples, save_recording
-from invtrack.recording.thinning import AROUND, COLUMNS, Thinning, shown_interval, thinning
+from invtrack.recording.thinning import AROUND, COLUMNS, Thinning, thinning
+from invtrack.results.interval import shown_interval
 from invtrack.results.result import RunResult, Signal
 from tests.recording.conftest import Recorded
 from tests.synthetic_runs import JUMP, MANOEUVRE, VIBRATION_PERIOD, two_mode_run
