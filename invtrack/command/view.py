@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from dataclasses import dataclass
+import tempfile
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -19,15 +20,25 @@ from invtrack.studies.table import Column, print_table
 
 @dataclass(frozen=True, kw_only=True)
 class View:
-    """Open recordings in the Rerun viewer."""
+    """Open recordings in the Rerun viewer, the cases of several side by side."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
     """Recordings (.rrd), or folders of runs."""
 
+    apart: tyro.conf.FlagCreatePairsOff[bool] = False
+    """Open several recordings as they are, one shown at a time, in place of all their cases side by side."""
+
     def execute(self) -> int:
         """Start the viewer; its status."""
-        command = [sys.executable, "-m", "rerun", *(str(path) for path in recordings(self.runs))]
-        return subprocess.run(command, check=False).returncode
+        found = recordings(self.runs)
+        if self.apart or len(found) == 1:
+            return _viewer(found)
+        from invtrack.recording import save_recording  # loads Rerun, which nobody waits for who asks for something else
+
+        with tempfile.TemporaryDirectory() as folder:
+            together = Path(folder) / f"{found[0].resolve().parent.name or 'runs'}.rrd"
+            runs = [replace(run, name=name) for name, run in named_runs(found).items()]
+            return _viewer([save_recording(runs, together)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,6 +73,10 @@ class Compare:
         if self.figure is not None:
             save_figure(comparison_figure(list(found.values())), self.figure)
         return 0
+
+
+def _viewer(paths: list[Path]) -> int:
+    return subprocess.run([sys.executable, "-m", "rerun", *map(str, paths)], check=False).returncode
 
 
 def recordings(paths: tuple[Path, ...]) -> list[Path]:

@@ -26,12 +26,7 @@ def shown_window(results: Sequence[RunResult], window: tuple[float, float] | Non
 
     Raises InvtrackError for a window that does not overlap the first run.
     """
-    if window is None:
-        low, high = shown_interval(results)
-        ends = [run.manoeuvre[1] for run in results]
-        high = min(high, max(ends) + max(max(ends) - low, 0.0))  # what follows takes half of the width at most
-    else:
-        low, high = window_of(window)
+    low, high = window_of(window) if window is not None else shown_interval(results)
     first, last = float(results[0].time[0]), float(results[0].time[-1])
     if not (low < high and low < last and high > first):
         raise InvtrackError(f"cannot show the times from {low} s to {high} s of a run that lasts from {first} s to {last} s")

@@ -8,32 +8,45 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from invtrack.arrays import Array
+from invtrack.recording.camera import Camera
 from invtrack.recording.scene import Scene
-from invtrack.recording.series import channels_by_unit, entity_path, unit_path
-from invtrack.recording.shapes import visible_geoms
+from invtrack.recording.series import channels_by_unit, entity_path, tracking_error, unit_path
 from invtrack.recording.stream import SHOWN
 from invtrack.results.result import RunResult, Signal
 
-VIEWING_DISTANCE = 1.5
-"""Distance of the eye relative to the width of what it is to see; the viewer's field of view is about 55 degrees."""
+DECADES = 6.0
+"""Of errors, shown at first."""
 
 SKY = (176, 190, 204)
+
+LONGEST = 12.0
+"""Seconds that the shown interval takes to be played, at the most: longer ones are played faster."""
+
+SIX = 6
+"""Scenes up to which two stand in a row; two stand above each other, as wide as they are high or wider."""
 
 BESIDE = 0.35
 """Share of the shown interval that plots leave free on their right, where the legend stands."""
 
 
 def make_blueprint(
-    runs: Sequence[RunResult], scenes: Sequence[Scene | None], interval: tuple[float, float], *, shared: bool = False
+    runs: Sequence[RunResult],
+    scenes: Sequence[Scene | None],
+    interval: tuple[float, float],
+    camera: Camera | None,
+    *,
+    shared: bool = False,
 ) -> rrb.Blueprint:
     """3-D scene, parameters, events, metrics on the left; output, error, input and states on the right, all cases in one plot each.
 
-    interval: the time [s] that the plots show at first. shared: the layout is also that of other recordings, so it has places for
-    what their cases may have and these do not.
+    Args:
+        runs, scenes: the cases.
+        interval: the time [s] that the plots show at first.
+        camera: from where the scenes are looked at, all from the same place; None where there is no scene.
+        shared: the layout is also that of other recordings, so it has places for what their cases may have and these do not.
     """
     shares: dict[float, list[rrb.Container | rrb.View]] = {
-        3.0: _scenes(runs, scenes, shared=shared),
+        3.0: _scenes(runs, scenes, camera, shared=shared),
         1.3: _parameters(runs, interval),
         1.0: [_tabs([_events(runs), *_numbers(runs)])],
     }
@@ -47,7 +60,7 @@ def make_blueprint(
         _tabs([view for run in runs for view in _states(run, interval, several=len(runs) > 1, shared=shared)]),
     ]
     return rrb.Blueprint(
-        rrb.Horizontal(left, rrb.Vertical(*right), column_shares=[2, 3] if shared or any(scenes) else [1, 3]),
+        rrb.Horizontal(left, rrb.Vertical(*right), column_shares=_shares(len(runs), seen=shared or any(scenes))),
         _time_panel(interval),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -56,36 +69,37 @@ def make_blueprint(
     )
 
 
-def _scenes(runs: Sequence[RunResult], scenes: Sequence[Scene | None], *, shared: bool) -> list[rrb.Container | rrb.View]:
-    views = [
-        _scene(run, scene, several=len(runs) > 1) for run, scene in zip(runs, scenes, strict=True) if shared or scene is not None
-    ]
-    return [_tabs(views)] if views else []
+def _shares(cases: int, *, seen: bool) -> list[int]:
+    """Of the width: what is on the left, scenes among it if they are seen, and the plots."""
+    if not seen:
+        return [1, 3]
+    return [2, 3] if cases == 1 else [1, 1]
 
 
-def _scene(run: RunResult, scene: Scene | None, *, several: bool) -> rrb.View:
-    position, target = (None, None) if scene is None else eye(scene)
+def _scenes(
+    runs: Sequence[RunResult], scenes: Sequence[Scene | None], camera: Camera | None, *, shared: bool
+) -> list[rrb.Container | rrb.View]:
+    """The cases side by side."""
+    shown = [run for run, scene in zip(runs, scenes, strict=True) if shared or scene is not None]
+    views = [_scene(run, camera, several=len(runs) > 1) for run in shown]
+    if len(views) < 2:
+        return list(views)
+    return [rrb.Grid(*views, grid_columns=1 if len(views) == 2 else 2 if len(views) <= SIX else 3)]
+
+
+def _scene(run: RunResult, camera: Camera | None, *, several: bool) -> rrb.View:
+    eye = (
+        rrb.EyeControls3D()
+        if camera is None
+        else rrb.EyeControls3D(position=camera.position, look_target=camera.target, eye_up=camera.up)
+    )
     return rrb.Spatial3DView(
         origin=entity_path(run.name, "scene"),
-        name=f"{run.name}: {run.model}" if several else run.model,
-        eye_controls=rrb.EyeControls3D(position=position, look_target=target, eye_up=[0.0, 0.0, 1.0]),
+        name=run.name if several else run.model,
+        eye_controls=eye,
         line_grid=False,
         background=SKY,
     )
-
-
-def eye(scene: Scene) -> tuple[Array, Array]:
-    """Where the eye stands and what it looks at: along +y and slightly down, far enough to see every moving geom at all times."""
-    model = scene.model
-    low, high = [np.array(model.stat.center)], [np.array(model.stat.center)]
-    for body in (body for body in range(model.nbody) if model.body_weldid[body] != 0):
-        for geom in visible_geoms(model, body):
-            reach = np.linalg.norm(model.geom_pos[geom]) + model.geom_rbound[geom]  # about the body's origin, in every direction
-            low.append(scene.positions[:, body].min(axis=0) - reach)
-            high.append(scene.positions[:, body].max(axis=0) + reach)
-    lower, upper = np.min(low, axis=0), np.max(high, axis=0)
-    distance = VIEWING_DISTANCE * max(float(np.max(upper - lower)), 0.2 * model.stat.extent)
-    return (lower + upper) / 2 + distance * np.array([0.0, -1.0, 0.2]), (lower + upper) / 2
 
 
 def _outputs(runs: Sequence[RunResult], interval: tuple[float, float], *, shared: bool) -> list[rrb.View]:
@@ -102,7 +116,7 @@ def _outputs(runs: Sequence[RunResult], interval: tuple[float, float], *, shared
             if shared or unit in run.measured.channels.units:
                 paths.append(unit_path(run.name, "measured", unit))
         paths += _event_lines(runs[0], "output", unit)
-        views.append(_plot(f"Output and reference [{unit}]", paths, interval))
+        views.append(_plot(_titled("Output and reference", unit), paths, interval))
     return views
 
 
@@ -111,8 +125,8 @@ def _errors(runs: Sequence[RunResult], interval: tuple[float, float], name: str)
     for unit in _units(runs, "output"):
         paths = [unit_path(run.name, name, unit) for run in runs]
         paths += _event_lines(runs[0], name, unit)
-        title = f"log10 |error| [log10 {unit}]" if name == "log10_error" else f"Error [{unit}]"
-        views.append(_plot(title, paths, interval))
+        title = _titled("log10 |error|", f"log10 {unit}" if unit else "") if name == "log10_error" else _titled("Error", unit)
+        views.append(_plot(title, paths, interval, _decades(runs, unit, interval) if name == "log10_error" else None))
     return views
 
 
@@ -123,7 +137,7 @@ def _inputs(runs: Sequence[RunResult], interval: tuple[float, float], *, shared:
         paths = [unit_path(run.name, "applied", unit) for run in runs]
         paths += [unit_path(run.name, "commanded", unit) for run in runs if shared or not _same(run.commanded, run.applied)]
         paths += _event_lines(runs[0], "applied", unit)
-        views.append(_plot(f"Input [{unit}]", paths, interval))
+        views.append(_plot(_titled("Input", unit), paths, interval))
     return views
 
 
@@ -135,13 +149,13 @@ def _states(run: RunResult, interval: tuple[float, float], *, several: bool, sha
         wanted = run.state_reference.values[:, channels]
         names = ["state", "state_reference"] if shared or np.any(np.isfinite(wanted)) else ["state"]
         names += ["estimate"] if shared or run.estimate.channels else []
-        views.append(_plot(f"{title} [{unit}]", [unit_path(run.name, name, unit) for name in names], interval))
+        views.append(_plot(_titled(title, unit), [unit_path(run.name, name, unit) for name in names], interval))
     return views
 
 
 def _parameters(runs: Sequence[RunResult], interval: tuple[float, float]) -> list[rrb.Container | rrb.View]:
     views = [
-        _plot(f"Parameters [{unit}]", [unit_path(run.name, "parameters", unit) for run in runs], interval)
+        _plot(_titled("Parameters", unit), [unit_path(run.name, "parameters", unit) for run in runs], interval)
         for unit in _units(runs, "parameters")
     ]
     return [_tabs(views)] if views else []
@@ -164,7 +178,25 @@ def _numbers(runs: Sequence[RunResult]) -> list[rrb.View]:
     ]
 
 
-def _plot(name: str, paths: list[str], interval: tuple[float, float]) -> rrb.View:
+def _decades(runs: Sequence[RunResult], unit: str, interval: tuple[float, float]) -> tuple[float, float] | None:
+    """What is shown of the logarithms of errors at first: the `DECADES` below the largest, each with a tick of its own."""
+    largest = 0.0
+    for run in runs:
+        during = (run.time >= interval[0]) & (run.time <= interval[1])
+        columns = [i for i, its_unit in enumerate(run.output.channels.units) if its_unit == unit]
+        sizes = np.abs(tracking_error(run)[during][:, columns])
+        largest = max(largest, float(np.max(sizes, initial=0.0, where=np.isfinite(sizes))))
+    if not largest > 0:
+        return None
+    top = float(np.ceil(np.log10(largest)))
+    return top - DECADES, top + 0.2
+
+
+def _titled(text: str, unit: str) -> str:
+    return f"{text} [{unit}]" if unit else text
+
+
+def _plot(name: str, paths: list[str], interval: tuple[float, float], values: tuple[float, float] | None = None) -> rrb.View:
     begin, until = interval
     start, end = (rr.TimeRangeBoundary.absolute(seconds=time) for time in (begin, until + BESIDE * (until - begin)))
     return rrb.TimeSeriesView(
@@ -172,6 +204,7 @@ def _plot(name: str, paths: list[str], interval: tuple[float, float]) -> rrb.Vie
         contents=paths,
         name=name,
         axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end)),
+        axis_y=None if values is None else rrb.ScalarAxis(range=values),
         plot_legend=rrb.PlotLegend(rrb.Corner2D.RightTop),
     )
 
@@ -179,8 +212,16 @@ def _plot(name: str, paths: list[str], interval: tuple[float, float]) -> rrb.Vie
 def _time_panel(interval: tuple[float, float]) -> rrb.TimePanel:
     """It plays the interval [s] again and again, on the timeline that starts there: no layout can say at which time to start."""
     begin, end = (round(1e9 * time) for time in interval)
+    speed = max(1.0, (interval[1] - interval[0]) / LONGEST)
     repeated = rrb.components.AbsoluteTimeRange(begin, end)
-    return rrb.TimePanel(timeline=SHOWN, state="collapsed", play_state="playing", loop_mode="selection", time_selection=repeated)
+    return rrb.TimePanel(
+        timeline=SHOWN,
+        state="collapsed",
+        play_state="playing",
+        playback_speed=speed,
+        loop_mode="selection",
+        time_selection=repeated,
+    )
 
 
 def _event_lines(run: RunResult, signal: str, unit: str) -> list[str]:

@@ -19,12 +19,14 @@ from invtrack.arguments import file_path, flag, require_text
 from invtrack.errors import RecordingError
 from invtrack.files import replaced_when_complete
 from invtrack.recording.blueprint import make_blueprint
+from invtrack.recording.camera import Camera, camera_of
+from invtrack.recording.components import component_names
 from invtrack.recording.followed import send_followed
 from invtrack.recording.header import HELD, SAMPLED
 from invtrack.recording.numbers import send_numbers
 from invtrack.recording.samples import FORMAT, read_samples, require_format, samples_path, write_samples
 from invtrack.recording.scene import Scene, make_scene, send_scene
-from invtrack.recording.series import send_series
+from invtrack.recording.series import Legend, send_series
 from invtrack.recording.stream import Stream
 from invtrack.recording.thinning import thinning
 from invtrack.results.interval import shown_interval
@@ -38,7 +40,12 @@ PROPERTY = "invtrack"
 
 
 def save_recording(
-    results: RunResult | Sequence[RunResult], path: str | Path, *, application: str = "", every_sample: bool = False
+    results: RunResult | Sequence[RunResult],
+    path: str | Path,
+    *,
+    application: str = "",
+    every_sample: bool = False,
+    camera: str | None = None,
 ) -> Path:
     """Write a recording with one or several cases, a Rerun file and a Parquet file, and return the path of the former.
 
@@ -51,13 +58,22 @@ def save_recording(
     of the next bucket. 2000 buckets fill the interval with which the plots open, 1000 the manoeuvre, 20 a period of the slowest
     vibration, or more. Around events, jumps of parameters, gaps and the run's ends 10 samples on either side are all there.
 
-    application: name that recordings of one case each share, such as the cases of a study. Opened together, `rerun <folder>/*.rrd`,
-    they then show in one layout, in which every case has the same place. every_sample: show every sample in the Rerun file, which
-    then takes several times the space of the Parquet file. Both files appear under their names only once they are complete, the
-    Rerun file last; missing folders above them are made.
+    The scene is looked at by the first camera of the model that is fixed to the world, else from where the motion of what outputs
+    follow is seen best, from left to right; several cases stand side by side, looked at from the same place. Intervals of more than
+    12 s are played faster. Both files appear under their names only once they are complete, the Rerun file last; missing folders
+    above them are made.
+
+    Args:
+        results: the runs, one or several.
+        path: of the Rerun file, which ends in .rrd.
+        application: name that recordings of one case each share, such as the cases of a study. Opened together,
+            `rerun <folder>/*.rrd`, they then show in one layout, in which every case has the same place.
+        every_sample: show every sample in the Rerun file, which then takes several times the space of the Parquet file.
+        camera: name of a camera of the model to look with; one that moves is where it is when the motion begins.
 
     Raises RecordingError where there is no case, an application is given for several cases, two cases share a name, the arrays of a
-    case or its model and positions do not fit together, or the path does not end in .rrd; FileError where a file cannot be written.
+    case or its model and positions do not fit together, no camera has the name, or the path does not end in .rrd; FileError where a
+    file cannot be written.
     """
     runs = list(results) if isinstance(results, Sequence) else [results]
     strange = [type(run).__name__ for run in runs if not isinstance(run, RunResult)]
@@ -70,7 +86,10 @@ def save_recording(
     if target.suffix != ".rrd":
         raise RecordingError(f"expected a path that ends in .rrd, by which the Rerun viewer knows recordings; got {target}")
     interval = shown_interval(runs)
+    if camera is not None:
+        require_text("camera", camera, error=RecordingError)
     scenes = [make_scene(run, interval) for run in runs]
+    looked_at = camera_of(runs, scenes, interval, camera)
     identity = str(uuid.uuid4())
     with (
         replaced_when_complete(target) as shown,
@@ -85,6 +104,7 @@ def save_recording(
             scenes,
             shown,
             interval=interval,
+            camera=looked_at,
             title=target.stem,
             application=application,
             every_sample=every_sample,
@@ -100,6 +120,7 @@ def _write_shown(
     path: Path,
     *,
     interval: tuple[float, float],
+    camera: Camera | None,
     title: str,
     application: str,
     every_sample: bool,
@@ -111,6 +132,7 @@ def _write_shown(
         runs, scenes: the cases.
         path: of the file.
         interval: with which the plots open [s].
+        camera: from where the scenes are looked at.
         title: name of the recording in the viewer.
         application, every_sample: as in `save_recording`.
         identity: what the recording and its samples know each other by.
@@ -118,13 +140,14 @@ def _write_shown(
     stream = rr.RecordingStream(f"invtrack {application}" if application else _application_id(runs), recording_id=identity)
     placed = [replace(run, name=SHARED_ROOT) for run in runs] if application else runs
     try:
-        stream.save(path, default_blueprint=make_blueprint(placed, scenes, interval, shared=bool(application)))
+        stream.save(path, default_blueprint=make_blueprint(placed, scenes, interval, camera, shared=bool(application)))
         stream.send_recording_name(title)
         stream.send_property(PROPERTY, rr.DynamicArchetype(PROPERTY, components={"format": FORMAT, "recording": identity}))
         rows = Stream(stream, interval[0])
         for number, (run, at, scene) in enumerate(zip(runs, placed, scenes, strict=True)):
             prefix = f"{run.name}: " if len(runs) > 1 else ""
-            send_series(rows, at, thinning(run, interval, every_sample=every_sample), number=number, prefix=prefix)
+            legend = Legend(number, prefix, {} if scene is None else component_names(scene.model))
+            send_series(rows, at, thinning(run, interval, every_sample=every_sample), legend)
             send_numbers(stream, at, name=run.name)
             if scene is not None:
                 send_scene(rows, at, scene)

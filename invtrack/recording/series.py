@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import rerun as rr
@@ -67,38 +68,45 @@ def step_at(result: RunResult, times: Array) -> NDArray[np.int64]:
     return np.searchsorted((result.time[1:] + result.time[:-1]) / 2, times)
 
 
-def send_series(stream: Stream, result: RunResult, thinning: Thinning, *, number: int, prefix: str = "") -> None:
-    """Send all time series of one case.
+@dataclass(frozen=True)
+class Legend:
+    """How the series of a case are called and coloured.
 
-    thinning: what of them is shown. number: which case of the recording it is; it chooses the colour. prefix: what the names of the
-    series begin with, where the recording has several cases.
+    number: which case of the recording it is; it chooses the colour. prefix: what their names begin with, where the recording has
+    several cases. spelled: names of channels in other words.
     """
+
+    number: int = 0
+    prefix: str = ""
+    spelled: Mapping[str, str] = field(default_factory=dict)
+
+    def name(self, signal: str, channel: str, unit: str) -> str:
+        """Of a channel of a signal."""
+        logarithm = "log10 " if signal == "log10_error" else ""
+        unit_text = f" [{logarithm}{unit}]" if unit else ""
+        return f"{self.prefix}{LABELS[signal].format(self.spelled.get(channel, channel))}{unit_text}"
+
+
+def send_series(stream: Stream, result: RunResult, thinning: Thinning, legend: Legend) -> None:
+    """Send all time series of one case. thinning: what of them is shown."""
     for name in SAMPLED:
-        _send_signal(stream, result, thinning, name, getattr(result, name), result.time, number, prefix)
+        _send_signal(stream, result, thinning, name, getattr(result, name), result.time, legend)
     middle = result.time[:-1] + np.diff(result.time) / 2
     for name in HELD:
         at_middle = result.evaluate == "stages" and name != "parameters"  # then the sample is the value at mid-step
-        _send_signal(
-            stream, result, thinning, name, getattr(result, name), middle if at_middle else result.time[:-1], number, prefix
-        )
+        times = middle if at_middle else result.time[:-1]
+        _send_signal(stream, result, thinning, name, getattr(result, name), times, legend)
     errors = {
         "error": Signal(tracking_error(result), result.output.channels),
         "log10_error": Signal(log10_error(result), result.output.channels),
     }
     for name, error in errors.items():
-        _send_signal(stream, result, thinning, name, error, result.time, number, prefix)
-    send_events(stream, result, errors, prefix=prefix)
+        _send_signal(stream, result, thinning, name, error, result.time, legend)
+    send_events(stream, result, errors, prefix=legend.prefix)
 
 
 def _send_signal(
-    stream: Stream,
-    result: RunResult,
-    thinning: Thinning,
-    name: str,
-    signal: Signal,
-    times: Array,
-    number: int,
-    prefix: str,
+    stream: Stream, result: RunResult, thinning: Thinning, name: str, signal: Signal, times: Array, legend: Legend
 ) -> None:
     """Send the channels of a signal, those of one unit together.
 
@@ -109,7 +117,7 @@ def _send_signal(
         name: of the signal.
         signal: the signal.
         times: at which its rows stand [s].
-        number, prefix: as in `send_series`.
+        legend: how they are called and coloured.
     """
     if len(signal.values) == 0:
         return
@@ -119,9 +127,8 @@ def _send_signal(
         values = signal.values[:, channels]
         rows = thinning.rows(values)
         stream.send_numbers(path, rows, times[rows], values[rows], held=holds)
-        unit_label = f"log10 {unit}" if name == "log10_error" else unit
-        labels = [f"{prefix}{LABELS[name].format(signal.channels.names[channel])} [{unit_label}]" for channel in channels]
-        _label(stream, path, labels, _colors(name, number, len(channels)), width=_width(name), holds=holds)
+        labels = [legend.name(name, signal.channels.names[channel], unit) for channel in channels]
+        _label(stream, path, labels, _colors(name, legend.number, len(channels)), width=_width(name), holds=holds)
 
 
 def tracking_error(result: RunResult) -> Array:

@@ -562,7 +562,7 @@ def _calls() -> dict[str, Call]:
         "run_cost": call(results.run_cost, result=run, R=1.0, Q_x=0.1, Q_y=10.0, u_0=0.0, x_0=0.0, wanted=run.reference.values),
         # recording
         "save_recording": call(
-            invtrack.save_recording, results=vibrating, path="saved.rrd", application="trial", every_sample=False
+            invtrack.save_recording, results=vibrating, path="saved.rrd", application="trial", every_sample=False, camera=None
         ),
         "load_recording": call(invtrack.load_recording, path="run.rrd"),
         # figures

@@ -132,12 +132,13 @@ def test_a_vibration_that_is_short_beside_the_manoeuvre_keeps_its_shape(long_run
 
 
 def test_a_short_manoeuvre_in_a_long_interval_is_shown_in_detail(long_run: RunResult) -> None:
-    never_at_rest = np.random.default_rng(3).normal(size=long_run.applied.values.shape)  # so that the plots open on all of it
+    never_at_rest = np.random.default_rng(3).normal(size=long_run.applied.values.shape)  # so that the plots open on long
     busy = dataclasses.replace(long_run, applied=Signal(never_at_rest, long_run.applied.channels), manoeuvre=(0.0, 0.4))
-    assert shown_interval([busy]) == (-6.0, 16.0)
+    begin, end = shown_interval([busy])
+    assert (begin, end) == pytest.approx((-6.0, 6.8 + 0.03 * 12.8))
     times = busy.time[opened(busy).rows(busy.output.values)]
     assert np.diff(times[(times >= 0.0) & (times <= 0.4)]).max() <= 0.4 / 1000 * (1 + 1e-9)
-    assert len(times) < 1.2 * (COLUMNS + 1000)
+    assert np.count_nonzero(times <= end) < 1.2 * (COLUMNS + 1000)
 
 
 def test_thinning_knows_no_unit_of_time(long_run: RunResult) -> None:
