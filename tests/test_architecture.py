@@ -38,7 +38,7 @@ ROOMS: dict[str, set[str]] = {
     "results": {"linear", "references", "plans"},
     "learning": {"references", "plans", "results"},
     "simulation": {"linear", "plans", "control", "plant", "results", "mujoco", *THEORY},
-    "recording": {"results", "mujoco", "rerun", "pyarrow"},
+    "recording": {"results", "mujoco", "rerun", "pyarrow", "PIL"},
     "figures": {"results", "plans", "matplotlib", "cycler"},  # cycler is a part of matplotlib with a name of its own
     "advice": {
         "linear",

@@ -10,6 +10,7 @@ from typing import Annotated, NoReturn
 import tyro
 
 from invtrack.command.advise import Advise
+from invtrack.command.animate import Animate
 from invtrack.command.doctor import Doctor
 from invtrack.command.report import Report
 from invtrack.command.run import Run
@@ -23,6 +24,7 @@ Command = (
     | Annotated[Advise, tyro.conf.subcommand("advise")]
     | Annotated[Run, tyro.conf.subcommand("run")]
     | Annotated[View, tyro.conf.subcommand("view")]
+    | Annotated[Animate, tyro.conf.subcommand("animate")]
     | Annotated[Compare, tyro.conf.subcommand("compare")]
     | Annotated[Report, tyro.conf.subcommand("report")]
     | Annotated[ShippedStudy, tyro.conf.subcommand("study")]

@@ -14,8 +14,8 @@ from invtrack.recording.series import channels_by_unit, entity_path, tracking_er
 from invtrack.recording.stream import SHOWN
 from invtrack.results.result import RunResult, Signal
 
-DECADES = 6.0
-"""Of errors, shown at first."""
+DECADES, FEWEST = 6.0, 3.0
+"""Of errors, shown at first, and of those of each case."""
 
 SKY = (176, 190, 204)
 
@@ -67,6 +67,11 @@ def make_blueprint(
         auto_layout=False,
         auto_views=False,
     )
+
+
+def scene_aspect(cases: int) -> float:
+    """Width of a scene's view over its height where so many cases are shown, about."""
+    return 1.0 if cases == 1 else 2.2 if cases == 2 else 1.3
 
 
 def _shares(cases: int, *, seen: bool) -> list[int]:
@@ -179,17 +184,15 @@ def _numbers(runs: Sequence[RunResult]) -> list[rrb.View]:
 
 
 def _decades(runs: Sequence[RunResult], unit: str, interval: tuple[float, float]) -> tuple[float, float] | None:
-    """What is shown of the logarithms of errors at first: the `DECADES` below the largest, each with a tick of its own."""
-    largest = 0.0
+    """What is shown of the logarithms of errors at first: `DECADES` below the largest of all, `FEWEST` below that of every case."""
+    largest = []
     for run in runs:
         during = (run.time >= interval[0]) & (run.time <= interval[1])
         columns = [i for i, its_unit in enumerate(run.output.channels.units) if its_unit == unit]
         sizes = np.abs(tracking_error(run)[during][:, columns])
-        largest = max(largest, float(np.max(sizes, initial=0.0, where=np.isfinite(sizes))))
-    if not largest > 0:
-        return None
-    top = float(np.ceil(np.log10(largest)))
-    return top - DECADES, top + 0.2
+        largest.append(float(np.max(sizes, initial=0.0, where=np.isfinite(sizes))))
+    tops = [float(np.ceil(np.log10(size))) for size in largest if size > 0]
+    return (min(max(tops) - DECADES, min(tops) - FEWEST), max(tops) + 0.2) if tops else None
 
 
 def _titled(text: str, unit: str) -> str:

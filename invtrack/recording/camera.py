@@ -40,12 +40,21 @@ class Camera:
 
 
 def camera_of(
-    runs: Sequence[RunResult], scenes: Sequence[Scene | None], interval: tuple[float, float], name: str | None = None
+    runs: Sequence[RunResult],
+    scenes: Sequence[Scene | None],
+    interval: tuple[float, float],
+    name: str | None = None,
+    *,
+    aspect: float = 1.0,
 ) -> Camera | None:
     """The camera for all runs of one mechanism; None where no run has a scene.
 
-    interval: the time [s] whose motion is to be seen. name: of a camera of the MJCF; unless given it is the first one that is fixed
-    to the world, or where there is none the view is computed.
+    Args:
+        runs, scenes: the runs, and what is drawn of them.
+        interval: the time [s] whose motion is to be seen.
+        name: of a camera of the MJCF; unless given it is the first one that is fixed to the world, or where there is none the view
+            is computed.
+        aspect: width of the picture over its height, for which the view is computed.
 
     Raises RecordingError for a name that no camera has.
     """
@@ -58,7 +67,7 @@ def camera_of(
     chosen = _camera_named(model, name) if name is not None else _first_fixed(model)
     if chosen is not None:
         return _placed(*shown[0], chosen, interval)
-    return _computed(shown, interval)
+    return _computed(shown, interval, aspect)
 
 
 def _camera_named(model: mujoco.MjModel, name: str) -> int:
@@ -99,7 +108,7 @@ def _first_shown(run: RunResult, scene: Scene, interval: tuple[float, float]) ->
     return min(int(np.searchsorted(times, interval[0])), len(times) - 1)
 
 
-def _computed(shown: list[tuple[RunResult, Scene]], interval: tuple[float, float]) -> Camera:
+def _computed(shown: list[tuple[RunResult, Scene]], interval: tuple[float, float], aspect: float) -> Camera:
     model = shown[0][1].model
     gravity = np.array(model.opt.gravity)
     size = float(np.linalg.norm(gravity))
@@ -119,10 +128,22 @@ def _computed(shown: list[tuple[RunResult, Scene]], interval: tuple[float, float
     forward = np.cos(tilt) * along - np.sin(tilt) * up
     axes = np.array([right, np.cross(right, forward), forward])
     low, high = np.array([_range(seen, axis) for axis in axes]).T
-    width = max(float(np.max((high - low)[:2])), 0.2 * float(model.stat.extent))
     target = (low + high) / 2 @ axes
-    distance = ROOM * width / 2 / np.tan(FIELD_OF_VIEW / 2) + (high[2] - low[2]) / 2
+    distance = _distance(seen, target, axes / [[aspect], [1.0], [1.0]], at_least=0.1 * float(model.stat.extent))
     return Camera(target - distance * forward, target, up)
+
+
+def _distance(seen: list[tuple[Array, float]], target: Array, axes: Array, *, at_least: float) -> float:
+    """How far from the target an eye sees everything in the picture.
+
+    axes: right (over the aspect), up and forward (3, 3).
+    """
+    widening = ROOM / np.tan(FIELD_OF_VIEW / 2)
+    found = float(at_least * widening)
+    for path, reach in seen:
+        placed = (path - target) @ axes.T
+        found = max(found, float(np.max(widening * (np.max(np.abs(placed[:, :2]), axis=1) + reach) - placed[:, 2])))
+    return found
 
 
 def _paths(shown: list[tuple[RunResult, Scene]], interval: tuple[float, float]) -> list[Array]:

@@ -18,7 +18,7 @@ from rerun.error_utils import RerunWarning
 from invtrack.arguments import file_path, flag, require_text
 from invtrack.errors import RecordingError
 from invtrack.files import replaced_when_complete
-from invtrack.recording.blueprint import make_blueprint
+from invtrack.recording.blueprint import make_blueprint, scene_aspect
 from invtrack.recording.camera import Camera, camera_of
 from invtrack.recording.components import component_names
 from invtrack.recording.followed import send_followed
@@ -89,7 +89,7 @@ def save_recording(
     if camera is not None:
         require_text("camera", camera, error=RecordingError)
     scenes = [make_scene(run, interval) for run in runs]
-    looked_at = camera_of(runs, scenes, interval, camera)
+    looked_at = camera_of(runs, scenes, interval, camera, aspect=scene_aspect(len(runs)))
     identity = str(uuid.uuid4())
     with (
         replaced_when_complete(target) as shown,

@@ -33,12 +33,12 @@ LABELS = {
     "reference": "{} reference",
     "planned_output": "{} planned",
     "commanded": "{} commanded",
-    "applied": "{} applied",
+    "applied": "{}",
     "parameters": "{}",
     "measured": "{} measured",
     "estimate": "{} estimate",
-    "error": "{} error",
-    "log10_error": "log10 |{} error|",
+    "error": "{}",
+    "log10_error": "{}",
 }
 
 
@@ -81,10 +81,9 @@ class Legend:
     spelled: Mapping[str, str] = field(default_factory=dict)
 
     def name(self, signal: str, channel: str, unit: str) -> str:
-        """Of a channel of a signal."""
-        logarithm = "log10 " if signal == "log10_error" else ""
-        unit_text = f" [{logarithm}{unit}]" if unit else ""
-        return f"{self.prefix}{LABELS[signal].format(self.spelled.get(channel, channel))}{unit_text}"
+        """Of a channel of a signal, short: the title of its plot says what kind it is."""
+        words = f"{self.prefix}{LABELS[signal].format(self.spelled.get(channel, channel))}"
+        return f"{words} [{'log10 ' if signal == 'log10_error' else ''}{unit}]" if unit else words
 
 
 def send_series(stream: Stream, result: RunResult, thinning: Thinning, legend: Legend) -> None:

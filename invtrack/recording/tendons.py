@@ -34,6 +34,13 @@ class TendonPath:
         """The path over the frames of all parts."""
         return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
 
+    def strips(self, frame: int) -> list[NDArray[np.float32]]:
+        """The strips of a frame, (k, 3) each [m]."""
+        first = int(np.sum(self.strips_in_frames[:frame]))
+        ends = np.cumsum(self.points_in_strips)
+        strips = range(first, first + int(self.strips_in_frames[frame]))
+        return [self.points[ends[strip] - self.points_in_strips[strip] : ends[strip]] for strip in strips]
+
 
 @dataclass(frozen=True)
 class Wrapping:

@@ -155,6 +155,9 @@ def _calls() -> dict[str, Call]:
     run = invtrack.simulate(invtrack.LinearPlant(model), invtrack.TrackingController(plan, gains), timestep=0.05, end=12.0)
     vibrating = two_mode_run()
     rig = invtrack.Plant.from_xml(invtrack.model_path("cantilever"), inputs=["base_force"], outputs=["tip_position"])
+    swung = invtrack.simulate(
+        rig, invtrack.TrackingController(invtrack.invert(invtrack.linearize(rig), slew, tolerance=1e-2)), timestep=0.05
+    )
     weights = {"R": 1.0, "Q_y": 10.0}
     prefilter = redesign.prefilter(invtrack.StateSpace(A, B, np.array([[1.0, 0.0]])), **weights)
     trade_off = redesign.pareto_sweep(model, bump, weights=[weights])
@@ -563,6 +566,9 @@ def _calls() -> dict[str, Call]:
         # recording
         "save_recording": call(
             invtrack.save_recording, results=vibrating, path="saved.rrd", application="trial", every_sample=False, camera=None
+        ),
+        "save_animation": call(
+            recording.save_animation, results=swung, path="saved.webp", rate=1.0, width=160, height=160, camera=None
         ),
         "load_recording": call(invtrack.load_recording, path="run.rrd"),
         # figures
