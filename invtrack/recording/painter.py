@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 
 from invtrack.arrays import Array
 from invtrack.recording.camera import FIELD_OF_VIEW, Camera
-from invtrack.recording.shapes import geom_rgba, visible_geoms
+from invtrack.recording.shapes import mean_rgba, visible_geoms
 from invtrack.recording.solids import normals, solid
 
 Color = tuple[int, int, int]
@@ -67,7 +67,7 @@ class Painter:
         mujoco.mju_quat2Mat(turn, model.geom_quat[geom])
         placed = corners @ turn.reshape(3, 3).T + model.geom_pos[geom]
         is_ground = model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE
-        return _Part(body, placed, faces, normals(placed, faces), geom_rgba(model, geom), is_ground)
+        return _Part(body, placed, faces, normals(placed, faces), mean_rgba(model, geom), is_ground)
 
     def picture(self, positions: Array, quaternions: Array) -> Image.Image:
         """The mechanism with its bodies at positions (bodies, 3) [m] and quaternions (bodies, 4), x y z w; `FINER` times finer."""

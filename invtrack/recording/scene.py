@@ -18,13 +18,16 @@ from invtrack.recording.series import entity_path
 from invtrack.recording.shapes import (
     body_name,
     colored_shape,
+    colored_site,
     geom_name,
     geom_rgba,
     geom_shape,
     geom_transform,
+    site_name,
     tendon_name,
     tendon_rgba,
     visible_geoms,
+    visible_sites,
 )
 from invtrack.recording.stream import Stream
 from invtrack.recording.tendons import TendonPath, Wrapping, is_path, send_tendon, tendon_path
@@ -135,8 +138,8 @@ def send_scene(stream: Stream, result: RunResult, scene: Scene) -> None:
     sizes = _size_factors(result, model)
     for body in range(model.nbody):
         name = body_name(model, body)
-        path, geoms = (*root, "bodies", name), visible_geoms(model, body)
-        if geoms or name in result.parameter_bodies.values():
+        path, geoms, sites = (*root, "bodies", name), visible_geoms(model, body), visible_sites(model, body)
+        if geoms or sites or name in result.parameter_bodies.values():
             _send_pose(stream, entity_path(*path), times, scene, body)
         for geom in geoms:
             geom_path = entity_path(*path, geom_name(model, geom))
@@ -144,6 +147,8 @@ def send_scene(stream: Stream, result: RunResult, scene: Scene) -> None:
                 _send_sized_geom(stream, geom_path, result, model, geom, sizes[body])
             else:
                 stream.log(geom_path, colored_shape(model, geom), geom_transform(model, geom))
+        for site in sites:
+            stream.log(entity_path(*path, "sites", site_name(model, site)), *colored_site(model, site))
     _send_labels(stream, result, model, root)
     for tendon in scene.tendons:
         at = entity_path(*root, "tendons", tendon_name(model, tendon))

@@ -10,6 +10,7 @@ import rerun as rr
 from numpy.typing import ArrayLike, NDArray
 
 from invtrack.arrays import Array
+from invtrack.recording.surfaces import drawn_texture, height_field_fields, mesh_fields, pixels_of, plane_fields, texture_of
 
 VISIBLE_GROUPS = range(3)
 """Geom groups that MuJoCo's own viewer shows unless told otherwise."""
@@ -22,11 +23,14 @@ DRAWN_TYPES = (
     mujoco.mjtGeom.mjGEOM_CYLINDER,
     mujoco.mjtGeom.mjGEOM_BOX,
     mujoco.mjtGeom.mjGEOM_MESH,
+    mujoco.mjtGeom.mjGEOM_HFIELD,
 )
-"""Geom types with a Rerun shape; height fields and signed distance fields have none."""
+"""Geom types with a Rerun shape; signed distance fields have none."""
 
 DEFAULT_RGBA = (0.5, 0.5, 0.5, 1.0)
 """MuJoCo's colour of what names none; only then does the material's colour show."""
+
+SOLID = {"fill_mode": rr.components.FillMode.Solid}
 
 INFINITE_PLANE = 3.0
 """Half width of a plane of unlimited size, relative to the extent of the model."""
@@ -83,7 +87,13 @@ def visible_geoms(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def geom_rgba(model: mujoco.MjModel, geom: int) -> Array:
-    """Colour of a geom."""
+    """Colour of a geom, by which its texture is multiplied if it is drawn with one."""
+    textured = drawn_texture(model, geom) is not None
+    return _rgba(model, model.geom_rgba[geom], model.geom_matid[geom], textured=textured)
+
+
+def mean_rgba(model: mujoco.MjModel, geom: int) -> Array:
+    """Colour of a geom that is drawn in one colour, whatever its pattern."""
     return _rgba(model, model.geom_rgba[geom], model.geom_matid[geom])
 
 
@@ -92,16 +102,18 @@ def tendon_rgba(model: mujoco.MjModel, tendon: int) -> Array:
     return _rgba(model, model.tendon_rgba[tendon], model.tendon_matid[tendon])
 
 
-def _rgba(model: mujoco.MjModel, own: Array, material: int) -> Array:
+def site_rgba(model: mujoco.MjModel, site: int) -> Array:
+    """Colour of a site."""
+    return _rgba(model, model.site_rgba[site], model.site_matid[site])
+
+
+def _rgba(model: mujoco.MjModel, own: Array, material: int, *, textured: bool = False) -> Array:
     if material < 0 or not np.allclose(own, DEFAULT_RGBA):
         return np.array(own, dtype=float)
     rgba = np.array(model.mat_rgba[material], dtype=float)
-    texture = model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB]
-    if texture >= 0:  # patterns are not drawn: their mean colour stands for them
-        start, channels = model.tex_adr[texture], model.tex_nchannel[texture]
-        size = model.tex_height[texture] * model.tex_width[texture] * channels
-        pixels = model.tex_data[start : start + size].reshape(-1, channels)
-        rgba[:3] *= pixels[:, :3].mean(axis=0) / 255
+    texture = texture_of(model, material)
+    if texture is not None and not textured:  # a pattern that is not drawn: its mean colour stands for it
+        rgba[:3] *= pixels_of(model, texture)[..., :3].mean(axis=(0, 1)) / 255
     return rgba
 
 
@@ -118,30 +130,48 @@ def colored_shape(model: mujoco.MjModel, geom: int) -> rr.AsComponents:
 def geom_shape(model: mujoco.MjModel, geom: int) -> Shape:
     """The shape of a geom in its own frame, for the types that `visible_geoms` lets through."""
     kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
-    solid = {"fill_mode": rr.components.FillMode.Solid}
     if kind == mujoco.mjtGeom.mjGEOM_PLANE:
         unlimited = INFINITE_PLANE * model.stat.extent
-        half = [size[0] if size[0] > 0 else unlimited, size[1] if size[1] > 0 else unlimited, 1e-4 * model.stat.extent]
-        return Shape(rr.Boxes3D, {"half_sizes": [half], "centers": [[0.0, 0.0, -half[2]]], **solid})
-    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
-        return Shape(rr.Ellipsoids3D, {"half_sizes": [[size[0]] * 3], **solid})
-    if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-        return Shape(rr.Ellipsoids3D, {"half_sizes": [size], **solid})
+        half = (size[0] if size[0] > 0 else unlimited, size[1] if size[1] > 0 else unlimited)
+        if drawn_texture(model, geom) is not None:
+            return Shape(rr.Mesh3D, plane_fields(model, geom, half), color_field="albedo_factor")
+        thickness = 1e-4 * model.stat.extent
+        return Shape(rr.Boxes3D, {"half_sizes": [[*half, thickness]], "centers": [[0.0, 0.0, -thickness]], **SOLID})
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        return Shape(rr.Mesh3D, mesh_fields(model, geom), color_field="albedo_factor")
+    if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
+        return Shape(rr.Mesh3D, height_field_fields(model, geom), color_field="albedo_factor")
+    return primitive(kind, size)
+
+
+def primitive(kind: mujoco.mjtGeom, size: Array) -> Shape:
+    """A sphere, ellipsoid, capsule, cylinder or box of MuJoCo's size (3,)."""
     if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:  # Rerun's starts at the origin, MuJoCo's is centred there
-        return Shape(rr.Capsules3D, {"lengths": [2 * size[1]], "radii": [size[0]], "translations": [[0.0, 0.0, -size[1]]], **solid})
+        return Shape(rr.Capsules3D, {"lengths": [2 * size[1]], "radii": [size[0]], "translations": [[0.0, 0.0, -size[1]]], **SOLID})
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
-        return Shape(rr.Cylinders3D, {"lengths": [2 * size[1]], "radii": [size[0]], **solid})
+        return Shape(rr.Cylinders3D, {"lengths": [2 * size[1]], "radii": [size[0]], **SOLID})
     if kind == mujoco.mjtGeom.mjGEOM_BOX:
-        return Shape(rr.Boxes3D, {"half_sizes": [size], **solid})
-    return _mesh(model, model.geom_dataid[geom])
+        return Shape(rr.Boxes3D, {"half_sizes": [size], **SOLID})
+    radii = [size[0]] * 3 if kind == mujoco.mjtGeom.mjGEOM_SPHERE else size
+    return Shape(rr.Ellipsoids3D, {"half_sizes": [radii], **SOLID})
 
 
-def _mesh(model: mujoco.MjModel, mesh: int) -> Shape:
-    vertices = slice(model.mesh_vertadr[mesh], model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh])
-    faces = slice(model.mesh_faceadr[mesh], model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
-    # One vertex per corner of a triangle, with the triangle's normal: flat shading, which needs no smoothing groups.
-    corners = model.mesh_vert[vertices][model.mesh_face[faces]]  # (faces, 3 corners, 3)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-    fields = {"vertex_positions": corners.reshape(-1, 3), "vertex_normals": np.repeat(normals, 3, axis=0)}
-    return Shape(rr.Mesh3D, fields, color_field="albedo_factor")
+def visible_sites(model: mujoco.MjModel, body: int) -> list[int]:
+    """Sites of a body that are to be seen: not fully transparent, and in a group shown by default."""
+    return [
+        site
+        for site in np.flatnonzero(model.site_bodyid == body).tolist()
+        if model.site_group[site] in VISIBLE_GROUPS and site_rgba(model, site)[3] > 0
+    ]
+
+
+def site_name(model: mujoco.MjModel, site: int) -> str:
+    """Name of a site in the recording."""
+    return str(model.site(site).name) or f"site {site}"
+
+
+def colored_site(model: mujoco.MjModel, site: int) -> tuple[rr.AsComponents, rr.Transform3D]:
+    """A visible site as it is in the model, and its pose in its body."""
+    shape = primitive(mujoco.mjtGeom(model.site_type[site]), model.site_size[site])
+    pose = rr.Transform3D(translation=model.site_pos[site], quaternion=model.site_quat[site, [1, 2, 3, 0]])
+    return shape.colored(site_rgba(model, site)), pose

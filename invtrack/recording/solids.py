@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from invtrack.arrays import Array
+from invtrack.recording.surfaces import height_field
 
 AROUND, ALONG = 16, 6
 """Faces around a round geom, and from pole to pole of a hemisphere."""
@@ -31,6 +32,9 @@ def solid(model: mujoco.MjModel, geom: int, *, unlimited: float) -> Solid:
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return _prism(size[0] * circle, size[1])
+    if kind == mujoco.mjtGeom.mjGEOM_HFIELD:
+        corners_of = height_field(model, geom)
+        return corners_of.reshape(-1, 3), [np.arange(first, first + 3) for first in range(0, 3 * len(corners_of), 3)]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         return _mesh(model, int(model.geom_dataid[geom]))
     radii = size if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID else np.full(3, size[0])
