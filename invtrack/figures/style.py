@@ -24,7 +24,7 @@ DASHES: tuple[Any, ...] = (
     (0, (2.6, 1.4)),
     (0, (9.0, 1.5, 1.2, 1.5, 1.2, 1.5)),
 )
-WIDEST, NARROWEST = 2.2, 1.0  # points, of the first and the last of several lines
+WIDEST, NARROWEST = 2.2, 1.2  # points, of the first and the last of several lines
 INK = "#333333"
 FAINT = "#8A8A8A"
 SHADES = ("#FFFFFF", "#EDF1F5")
