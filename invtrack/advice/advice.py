@@ -33,6 +33,7 @@ class Advice:
         input_unit: of the peak inputs.
         off: the parameters that were off, one after the other, by name and share.
         source: lines of Python that make `plant`, or `model`, where these are known.
+        command: the command line that runs the recommended plan, where there is one.
     """
 
     plant: str
@@ -44,6 +45,7 @@ class Advice:
     input_unit: str
     off: tuple[str, ...]
     source: tuple[str, ...] = ()
+    command: str = ""
 
     @property
     def program(self) -> str:
@@ -115,6 +117,7 @@ class Advice:
             "recommended": None if self.recommended is None else self.recommended.row,
             "reason": self.reason,
             "program": self.program,
+            "command": self.command,
             "error": self.error,
             "input_unit": self.input_unit,
             "parameters_off": list(self.off),
@@ -142,6 +145,8 @@ class Advice:
             console.print(Text(f"not {name}: {text}"), soft_wrap=True)
         if self.recommended is not None:
             console.print(Text(f"\nThe lines that make it:\n\n{self.program}"), soft_wrap=True)
+            if self.command:
+                console.print(Text(f"\nOr the command:\n\n{self.command}"), soft_wrap=True)
 
     @property
     def headline(self) -> str:

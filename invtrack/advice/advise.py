@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from invtrack.advice.advice import Advice
-from invtrack.advice.choice import chosen, ordered, reason
+from invtrack.advice.choice import chosen, ordered, promise, reason
 from invtrack.advice.move import Move
 from invtrack.advice.program import rounded
 from invtrack.advice.task import Task
@@ -89,6 +91,8 @@ def advise(
     )
     if flag("fastest", fastest, error=PlanError) and not isinstance(reference, Move):
         raise PlanError("fastest needs a motion whose duration is open: give a Move(by, duration) as the reference")
+    if not np.any(task.moved):
+        raise PlanError("the reference does not move, so there is nothing to choose; give one that does")
     if progress is not None and not callable(progress):
         raise PlanError(f"progress must be a function of the share that is done, got {shown(progress)}")
     search = _Search(Bench.of(task), progress or (lambda share: None))
@@ -133,7 +137,7 @@ class _Search:
         if not isinstance(self.task.reference, Move):
             self._all([(way, duration, None) for way in self._ways()])
             return
-        self._all(list(self._points(self._ways(), duration)))
+        self._tried_at(self._ways(), duration)
         for share in SHORTER:
             self._all([(way, rounded(share * duration), smoothness) for way, smoothness in self._promising(1)])
         self._longer()
@@ -141,7 +145,7 @@ class _Search:
     def fastest(self) -> None:
         """Shorter motions, between the shortest that does what is asked and the longest that does not."""
         duration = self.task.duration
-        self._all(list(self._points(self._ways(), duration)))
+        self._tried_at(self._ways(), duration)
         if not any(trial.meets for trial in self.trials):
             self._longer()
             return
@@ -161,7 +165,7 @@ class _Search:
 
         Redesign within limits, which only shows where limits act, is always among them.
         """
-        ranked = sorted(self.trials, key=lambda trial: (not trial.meets, trial.peak_input if trial.meets else trial.error))
+        ranked = sorted(self.trials, key=promise)
         smoothness: dict[str, int | None] = {}
         for trial in ranked:
             smoothness.setdefault(trial.method, trial.smoothness)
@@ -181,7 +185,7 @@ class _Search:
     def parameters_off(self) -> None:
         """What parameters that are off do to the best of each method."""
         best: dict[str, Trial] = {}
-        for trial in sorted(self.trials, key=lambda trial: (not trial.meets, trial.peak_input if trial.meets else trial.error)):
+        for trial in sorted(self.trials, key=promise):
             best.setdefault(trial.method, trial)
         for number, trial in enumerate(best.values()):
             self.report(0.5 + 0.5 * number / len(best))
@@ -194,20 +198,20 @@ class _Search:
     def _ways(self) -> list[Way]:
         return [way for way in WAYS if self.task.plant is not None or not way.mechanism]
 
-    def _points(self, ways: list[Way], duration: float) -> Iterator[tuple[Way, float, int | None]]:
-        return ((way, duration, smoothness) for way in ways for smoothness in way.smoothnesses(self.task))
-
     def _longer(self) -> None:
         for factor in LONGER:
             if any(trial.meets for trial in self.trials):
                 return
             self._tried_at(self._ways(), rounded(factor * self.task.duration))
 
-    def _tried_at(self, ways: list[Way], duration: float) -> bool:
-        """Whether anything of this duration does what was asked."""
+    def _tried_at(self, ways: list[Way], duration: float) -> None:
+        """At this duration, those last that are tried where others did best."""
         known = len(self.trials)
-        self._all(list(self._points(ways, duration)))
-        return any(trial.meets for trial in self.trials[known:])
+        leaders = [way for way in ways if not way.follows]
+        self._all([(way, duration, smoothness) for way in leaders for smoothness in way.smoothnesses(self.task)])
+        best = {trial.method: trial.smoothness for trial in sorted(self.trials[known:], key=promise, reverse=True)}
+        followers = [(way, best.get(way.follows, way.smoothnesses(self.task)[0])) for way in ways if way.follows]
+        self._all([(way, duration, smoothness) for way, smoothness in followers])
 
     def _all(self, points: list[tuple[Way, float, int | None]]) -> None:
         for number, (way, duration, smoothness) in enumerate(points):

@@ -26,6 +26,11 @@ def chosen(trials: Sequence[Trial], *, fastest: bool) -> Trial | None:
     return min(alike, key=lambda trial: (ringing(trial), trial.peak_input), default=None)
 
 
+def promise(trial: Trial) -> tuple[bool, float]:
+    """A key that sorts the most promising first: those that do what was asked by peak input, then the others by error."""
+    return (not trial.meets, trial.peak_input if trial.meets else trial.error)
+
+
 def ringing(trial: Trial) -> float:
     """How long the input rings [s], infinite where that is not defined."""
     return math.inf if trial.ringing is None else trial.ringing
@@ -35,12 +40,7 @@ def ordered(trials: Sequence[Trial], recommended: Trial | None) -> list[Trial]:
     """The recommended one first, then those that do what was asked by their peak input, then the others by their error."""
     return sorted(
         trials,
-        key=lambda trial: (
-            trial is not recommended,
-            not trial.meets,
-            trial.peak_input if trial.meets else 0.0,
-            trial.error,
-        ),
+        key=lambda trial: (trial is not recommended, *promise(trial), trial.error),
     )
 
 

@@ -112,14 +112,18 @@ class Task:
         return np.asarray(self.model.operating_point.y0)
 
     @cached_property
-    def motion(self) -> Array:
-        """How far each output moves (p,); of one that stays still, the largest motion of those with its unit, or of all."""
+    def moved(self) -> Array:
+        """How far each output moves (p,)."""
         if isinstance(self.reference, Move):
-            moved = np.abs(self.reference.by)
-        else:
-            moved = np.ptp(self.reference(np.linspace(*self.reference.manoeuvre, 1001)), axis=0)
-        if not np.any(moved):
-            raise PlanError("the reference does not move, so there is nothing to choose; give one that does")
+            return np.abs(self.reference.by)
+        return np.asarray(np.ptp(self.reference(np.linspace(*self.reference.manoeuvre, 1001)), axis=0))
+
+    @cached_property
+    def motion(self) -> Array:
+        """How far each output counts as moving (p,); where it stays still, the largest motion of those with its unit, or of all."""
+        moved = self.moved
+        if not np.any(moved):  # it holds still while something else happens: every unit counts as a motion
+            return np.ones(len(moved))
         units = np.array(self.model.outputs.units)
         alike = np.array([np.max(moved[units == unit]) for unit in units])
         return np.where(moved > 0, moved, np.where(alike > 0, alike, np.max(moved)))
@@ -141,11 +145,8 @@ class Task:
 
     @cached_property
     def least_smoothness(self) -> int:
-        """Derivatives of the motion that have to vanish at its ends for the inverse's input to be continuous."""
-        try:
-            return max(max(zero_report(system).derivatives, default=1) for system in self.model.distinct)
-        except RelativeDegreeError:
-            return 2
+        """That of the model, see `least_smoothness`."""
+        return least_smoothness(self.model)
 
     @cached_property
     def sizes(self) -> tuple[Array, Array]:
@@ -182,6 +183,14 @@ class Task:
             else:
                 narrowed[name] = (_towards(rest, low, share), _towards(rest, high, share))
         return Limits(**{name: pair for name, pair in narrowed.items() if np.any(np.isfinite(pair))}, states=self.limits.states)
+
+
+def least_smoothness(model: SwitchedSystem) -> int:
+    """Derivatives of a motion that have to vanish at its ends for the inverse's input to be continuous; 2 without an inverse."""
+    try:
+        return max(max(zero_report(system).derivatives, default=1) for system in model.distinct)
+    except RelativeDegreeError:
+        return 2
 
 
 def rounded_array(values: Array) -> Array:

@@ -54,6 +54,7 @@ class Trial:
         misses: in what it falls short of what was asked, by a word for it ("error", "limits", "preactuation", "stability"); empty
             where it does all of it.
         settings: the controller, and the other arguments of the run.
+        gives_up: share of the acceptable error that the plan was to take for less input; None of methods that take none.
     """
 
     method: str
@@ -71,6 +72,7 @@ class Trial:
     vibration_off: float | None = None
     misses: Mapping[str, str] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
+    gives_up: float | None = None
 
     def __repr__(self) -> str:
         """What it is, without its arrays."""
@@ -99,8 +101,8 @@ class Bench:
     task: Task
     lines: tuple[Line, ...]
     names: dict[str, Any]
-    known: dict[tuple[float, int | None], dict[float, float]] = field(default_factory=dict)
-    guesses: dict[float, float] = field(default_factory=dict)
+    known: dict[tuple[float, int | None], dict[int, float]] = field(default_factory=dict)
+    guesses: dict[float, int] = field(default_factory=dict)
 
     @classmethod
     def of(cls, task: Task) -> Bench:
@@ -121,11 +123,15 @@ class Bench:
         known = self.known.setdefault((duration, smoothness), {})
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # what they warn of is looked for in the run
-            lines += way.lines(Point(task, duration, smoothness, names, known, self.guesses))
+            point = Point(task, duration, smoothness, names, known, self.guesses)
+            lines += way.lines(point)
             if not any(line.target == "controller" for line in lines):
                 lines.append(controller_line())
             for line in lines[len(task.reference_lines(duration, smoothness)) :]:
-                line.run(names)
+                if line.text in point.done:
+                    names[line.target] = point.done[line.text]
+                else:
+                    line.run(names)
             plan: Plan = names["plan"]
             last = self._simulation(plan, names["controller"])
             if task.plant is None:
@@ -148,6 +154,7 @@ class Bench:
             preactuation=_preactuation(plan, run),
             ringing=_ringing(plan),
             settings={"controller": names["controller"], **last.options},
+            gives_up=way.gives_up,
         )
         return replace(trial, misses=_misses(task, trial))
 
@@ -244,7 +251,7 @@ def _misses(task: Task, trial: Trial) -> dict[str, str]:
     found = {}
     if not trial.error <= task.error:
         found["error"] = f"its error is {100 * trial.error:.3g} % of the motion"
-    limits = _limits_exceeded(task, trial.run)
+    limits = limits_exceeded(task, trial.run)
     if limits:
         found["limits"] = ", ".join(limits)
     if math.isfinite(task.max_preactuation):
@@ -255,7 +262,7 @@ def _misses(task: Task, trial: Trial) -> dict[str, str]:
     return found
 
 
-def _limits_exceeded(task: Task, run: RunResult) -> list[str]:
+def limits_exceeded(task: Task, run: RunResult) -> list[str]:
     """The limits that what the controller asked for, or what came of it, goes beyond."""
     point = task.model.operating_point
     x, y = run.state.values[:-1], run.output.values[:-1] - point.y0

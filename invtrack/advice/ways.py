@@ -13,7 +13,7 @@ import numpy as np
 from invtrack.advice.feedback import controller_line, gain_line
 from invtrack.advice.program import Line, Name, rounded
 from invtrack.advice.task import Task
-from invtrack.advice.weights import AIM, redesign_weights
+from invtrack.advice.weights import corrected, planned_error, redesign_weights, weights
 from invtrack.baselines import base_servo, feedback_tracking, flexible_modes, shaper
 from invtrack.errors import ControlError, InvtrackError, PlanError
 from invtrack.linear.oscillation import slowest_flexible_period
@@ -36,15 +36,16 @@ class Point:
     """A way is worked out for one duration [s] and smoothness of the motion; both are those of the signal where one was given.
 
     names: what the program's lines before have named. known: see `redesign_weights`. guesses: what it found last, by the share of
-    the acceptable error.
+    the acceptable error. done: what lines have made that were run while they were chosen, by their texts.
     """
 
     task: Task
     duration: float
     smoothness: int | None
     names: dict[str, Any] = field(repr=False)
-    known: dict[float, float] = field(repr=False)
-    guesses: dict[float, float] = field(repr=False)
+    known: dict[int, float] = field(repr=False)
+    guesses: dict[float, int] = field(repr=False)
+    done: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @property
     def reference(self) -> PiecewiseSignal:
@@ -56,6 +57,13 @@ class Point:
     def preactuation(self) -> dict[str, float]:
         """The option of planners that limits the preactuation."""
         return {} if math.isinf(self.task.max_preactuation) else {"max_preactuation": self.task.max_preactuation}
+
+    def planned(self, line: Line) -> Any:
+        """The plan that a line makes, which is not made again."""
+        names = dict(self.names)
+        line.run(names)
+        self.done[line.text] = names[line.target]
+        return names[line.target]
 
 
 @dataclass(frozen=True)
@@ -69,6 +77,9 @@ class Way:
         durations: whether shorter motions are tried, too.
         mechanism: whether it takes a Plant.
         within_limits: whether it only applies where limits act.
+        gives_up: share of the acceptable error that its plan is to take for less input, None where it is to take none.
+        follows: name of the way at whose best smoothness it is tried, which then is the only one: a plan on the motion of a
+            mechanism takes seconds.
     """
 
     name: str
@@ -77,6 +88,8 @@ class Way:
     durations: bool = False
     mechanism: bool = False
     within_limits: bool = False
+    gives_up: float | None = None
+    follows: str = ""
 
     def smoothnesses(self, task: Task) -> list[int]:
         """Those that are tried, at least 1."""
@@ -92,44 +105,79 @@ def _motion(point: Point) -> Sequence[Line]:
 
 
 def _modified(point: Point) -> Sequence[Line]:
-    rates = {"axis_distance": rounded(1 / point.duration), "real_part": rounded(5 / point.duration)}
-    line = Line("plan", "invtrack.modified_inversion", [Name("model"), Name("reference")], {**rates, **point.preactuation})
-    names = dict(point.names)
-    line.run(names)
-    if all(np.array_equal(each.zeros_before, each.zeros_after) for each in names["plan"].modification):
-        raise PlanError(f"no zero lies within {rates['axis_distance']:.3g} rad/s of the imaginary axis, so there is none to move")
+    line = _modification(point, "model")
+    if all(np.array_equal(each.zeros_before, each.zeros_after) for each in point.planned(line).modification):
+        rate = line.options["axis_distance"]
+        raise PlanError(f"no zero lies within {rate:.3g} rad/s of the imaginary axis, so there is none to move")
     return (line, gain_line("plan"))
+
+
+def _modified_motion(point: Point) -> Sequence[Line]:
+    _modified(point)  # refuses where there is no zero to move
+    return (_modification(point, "plant"), gain_line("plan"))
+
+
+def _modification(point: Point, subject: str) -> Line:
+    rates = {"axis_distance": rounded(1 / point.duration), "real_part": rounded(5 / point.duration)}
+    return Line("plan", "invtrack.modified_inversion", [Name(subject), Name("reference")], {**rates, **point.preactuation})
 
 
 def _quadratic(share: float) -> Callable[[Point], Sequence[Line]]:
     def lines(point: Point) -> Sequence[Line]:
-        options = {**_weights(point, share), **point.preactuation}
-        return (Line("plan", "invtrack.quadratic_redesign", [Name("model"), Name("reference")], options), gain_line("plan"))
+        return (_redesign(point, "model", weights(point.task, _weight(point, share))), gain_line("plan"))
 
     return lines
 
 
-def _weights(point: Point, share: float) -> dict[str, Any]:
-    """With which a redesign takes this share of the acceptable error."""
-    aim = (share * AIM[0], share * AIM[1])
-    guess = point.guesses.get(share, math.log10(share * point.task.error) - 3.0)
-    found, weights = redesign_weights(point.task, point.reference, point.known, guess=guess, aim=aim, **point.preactuation)
+def _redesign(point: Point, subject: str, chosen: dict[str, Any]) -> Line:
+    options = {**chosen, **point.preactuation}
+    return Line("plan", "invtrack.quadratic_redesign", [Name(subject), Name("reference")], options)
+
+
+def _weight(point: Point, share: float) -> int:
+    """The number of the weights with which a redesign takes this share of the acceptable error, see `redesign_weights`."""
+    found, _ = redesign_weights(
+        point.task,
+        point.reference,
+        point.known,
+        share=share * point.task.error,
+        guess=point.guesses.get(share),
+        **point.preactuation,
+    )
     point.guesses[share] = found
-    return weights
+    return found
+
+
+def _quadratic_motion(point: Point) -> Sequence[Line]:
+    """With the weights of the linear redesign; once others where the motion makes something else of them."""
+    number = _weight(point, 1.0)
+    line = _redesign(point, "plant", weights(point.task, number))
+    again = corrected(number, planned_error(point.task, point.planned(line)), share=point.task.error)
+    return (_redesign(point, "plant", weights(point.task, again)), gain_line("plan"))
 
 
 def _constrained(point: Point) -> Sequence[Line]:
+    line = _within_limits(point, "model")
+    if not point.planned(line).active:
+        raise PlanError("no limit acts on it, so that it is the quadratic redesign")
+    return (line, gain_line("plan"))
+
+
+def _constrained_motion(point: Point) -> Sequence[Line]:
+    try:
+        _constrained(point)
+    except InvtrackError as refusal:
+        raise PlanError(f"it is tried where redesign of the linear model within limits applies, of which: {refusal}") from refusal
+    return (_within_limits(point, "plant"), gain_line("plan"))
+
+
+def _within_limits(point: Point, subject: str) -> Line:
     task = point.task
     limits = task.planned_limits
     if limits is None:
         raise PlanError("there are no limits to keep: none were given, and the actuators state no range")
-    options = {**_weights(point, TIGHTER), "limits": limits, **point.preactuation}
-    line = Line("plan", "invtrack.constrained_redesign", [Name("model"), Name("reference")], options)
-    names = dict(point.names)
-    line.run(names)
-    if not names["plan"].active:
-        raise PlanError("no limit acts on it, so that it is the quadratic redesign")
-    return (line, gain_line("plan"))
+    options = {**weights(task, _weight(point, TIGHTER)), "limits": limits, **point.preactuation}
+    return Line("plan", "invtrack.constrained_redesign", [Name(subject), Name("reference")], options)
 
 
 def _causal(point: Point) -> Sequence[Line]:
@@ -221,12 +269,22 @@ def _approximate(kind: str) -> Callable[[Point], Sequence[Line]]:
 
 
 WAYS: tuple[Way, ...] = (
-    Way("quadratic redesign", _quadratic(1.0), offsets=(-2, -1, 0, 2), durations=True),
-    Way("quadratic redesign", _quadratic(TIGHTER), offsets=(-1, 0, 2)),
-    Way("constrained redesign", _constrained, offsets=(-1, 0), durations=True, within_limits=True),
+    Way("quadratic redesign", _quadratic(1.0), offsets=(-2, -1, 0, 2), durations=True, gives_up=1.0),
+    Way("quadratic redesign", _quadratic(TIGHTER), offsets=(-1, 0, 2), gives_up=TIGHTER),
+    Way("constrained redesign", _constrained, offsets=(-1, 0), durations=True, within_limits=True, gives_up=TIGHTER),
     Way("stable inversion", _exact, offsets=(-1, 0, 2), durations=True),
     Way("stable inversion of the motion", _motion, mechanism=True),
+    Way("quadratic redesign of the motion", _quadratic_motion, mechanism=True, gives_up=1.0, follows="quadratic redesign"),
+    Way(
+        "constrained redesign of the motion",
+        _constrained_motion,
+        mechanism=True,
+        within_limits=True,
+        gives_up=TIGHTER,
+        follows="constrained redesign",
+    ),
     Way("modified inversion", _modified),
+    Way("modified inversion of the motion", _modified_motion, mechanism=True),
     Way("causal inverse", _causal),
     Way("feedback alone", _following(0)),
     Way("feedback and rigid feedforward", _following(2)),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -14,20 +15,26 @@ from invtrack.errors import InvtrackError, RedesignError
 from invtrack.plans.plan import Plan
 from invtrack.redesign import quadratic_redesign
 
-AIM = (0.8, 0.95)
-"""Shares of the acceptable error between which a plan's own error is to lie: the rest is left to the feedback."""
+ROOM = 0.95
+"""Share of the acceptable error that a plan's own error may take: the rest is left to the feedback."""
 
-LEAST, MOST = -12.0, 6.0
-"""Decades between which an input as large as the motion takes is made as dear as an error as large as the motion."""
+PER_DECADE = 10
+"""Weights that are looked at in a decade, so that the same ones are found wherever a search begins."""
 
-STRIDE = 3.0
-"""Decades by which the search moves at most."""
+LEAST, MOST = -12 * PER_DECADE, 6 * PER_DECADE
+"""Between which an input as large as the motion takes is made as dear as an error as large as the motion, in these steps."""
+
+STRIDE = 3 * PER_DECADE
+"""Steps by which the search moves at most."""
+
+SLOPE = 0.5
+"""What the logarithm of the error is expected to grow by with that of the weight, where no two weights have shown it."""
+
+CLOSE = 0.25
+"""Decades by which a redesign on the motion may give up less than it might before its weights are taken for others."""
 
 SAMPLES = 901
 """Instants at which a plan's error is looked at."""
-
-STEPS = 30
-"""Weights that are tried at most."""
 
 
 def planned_error(task: Task, plan: Plan) -> float:
@@ -38,77 +45,77 @@ def planned_error(task: Task, plan: Plan) -> float:
 
 
 def redesign_weights(
-    task: Task, reference: Any, known: dict[float, float], *, guess: float, aim: tuple[float, float] = AIM, **options: Any
-) -> tuple[float, dict[str, Any]]:
-    """The dearest input there is room for: with it the planned error lies between shares `aim` of the acceptable one.
+    task: Task, reference: Any, known: dict[int, float], *, share: float, guess: int | None = None, **options: Any
+) -> tuple[int, dict[str, Any]]:
+    """The dearest input there is room for: with it the planned error is at most ROOM of this share of the motion.
 
-    Each input counts by its size in such a motion, each output by its motion; looked for is the one number between the two, its
-    decade, by secants of the error's logarithm within a bracket. Returned are that decade, R and Q_y.
-    known: the logarithm of the error by decades, as far as earlier searches for this reference found it; grows.
-    guess: the decade with which to begin where nothing is known.
+    Each input counts by its size in such a motion, each output by its motion; looked for is the one number between the two, on a
+    grid of PER_DECADE numbers a decade, by secants of the error's logarithm within a bracket. Returned are its number on the grid,
+    R and Q_y.
+    known: the logarithm of the error by numbers on the grid, as far as earlier searches for this reference found it; grows.
+    guess: the number with which to begin where nothing is known.
     options: further ones of `quadratic_redesign`.
 
     Raises RedesignError where no weight brings the error below, and what `quadratic_redesign` raises.
     """
-    low, high = (math.log10(share * task.error) for share in aim)
-    target = (low + high) / 2
-    cheap = max((decade for decade, found in known.items() if found <= high), default=LEAST)
-    dear = min((decade for decade, found in known.items() if found > high), default=MOST)
-    tried = sorted(known.items(), key=lambda point: -abs(point[1] - target))
-    decade = _next(tried, target, cheap, dear) if tried else guess
-    best = (cheap, weights(task, cheap)) if cheap in known else None
-    refusal: InvtrackError | None = None
-    for _ in range(STEPS):
-        chosen = weights(task, decade)
+    most = math.log10(ROOM * share)
+    begin = round(PER_DECADE * (math.log10(share) - 3.0)) if guess is None else guess
+    refused: dict[int, InvtrackError] = {}
+    while (number := _next(known, refused, most, begin)) is not None:
         try:
-            error = planned_error(task, quadratic_redesign(task.model, reference, **chosen, **options))
-        except InvtrackError as refused:  # inputs so cheap that rounding hides the plan: only dearer ones are left
-            refusal, cheap = refused, decade
-            if decade >= min(dear, MOST) - STRIDE / 10:
-                break
-            decade = min(decade + STRIDE / 2, (decade + dear) / 2)
-            continue
-        found = math.log10(max(error, np.finfo(float).tiny))
-        if found <= high:
-            cheap, best = decade, (decade, chosen)
-            if found >= low:
-                return decade, chosen
-        else:
-            dear = decade
-        known[decade] = found
-        tried.append((decade, found))
-        if dear - cheap < 1e-3 or decade in (LEAST, MOST):
-            break
-        decade = _next(tried, target, cheap, dear)
-    if best is None and refusal is not None:
-        raise refusal
-    if best is None:
-        raise RedesignError(
-            f"no weights bring the planned error to {100 * aim[1] * task.error:.3g} % of the motion; with inputs as cheap as was "
-            f"tried it is {100 * 10 ** tried[-1][1]:.3g} %; allow a larger error, or a smoother or longer motion"
-        )
-    return best
+            plan = quadratic_redesign(task.model, reference, **weights(task, number), **options)
+            known[number] = math.log10(max(planned_error(task, plan), np.finfo(float).tiny))
+        except InvtrackError as refusal:  # inputs so cheap that rounding hides the plan: only dearer ones are left
+            refused[number] = refusal
+    good = [number for number, error in known.items() if error <= most]
+    if good:
+        return max(good), weights(task, max(good))
+    if refused and not known:
+        raise refused[max(refused)]
+    raise RedesignError(
+        f"no weights bring the planned error to {100 * ROOM * share:.3g} % of the motion; with inputs as cheap as was tried it is "
+        f"{100 * 10 ** known[min(known)]:.3g} %; allow a larger error, or a smoother or longer motion"
+    )
 
 
-def _next(tried: list[tuple[float, float]], target: float, cheap: float, dear: float) -> float:
-    """The next decade to try: where the secant through the last two meets the target, or the bracket's middle."""
-    at, found = tried[-1]
-    slope = 0.5
-    if len(tried) > 1 and tried[-2][0] != at:
-        slope = (found - tried[-2][1]) / (at - tried[-2][0])
-    if not slope > 0.05:
-        slope = 0.5
-    step = float(np.clip((target - found) / slope, -STRIDE, STRIDE))
-    following = at + step
-    if not cheap < following < dear:
-        return (cheap + dear) / 2 if cheap > LEAST and dear < MOST else float(np.clip(following, LEAST, MOST))
-    return following
+def corrected(number: int, error: float, *, share: float) -> int:
+    """The weights for a plan on the motion of a mechanism, where those that a linear model found make it miss by `error`.
+
+    The error grows about as the root of the weight. The same number where the error is what may be given up, or a little less.
+    """
+    beyond = math.log10(max(error, np.finfo(float).tiny) / (ROOM * share))
+    return number if -CLOSE < beyond <= 0 else number - math.ceil(2 * PER_DECADE * beyond)
 
 
-def weights(task: Task, decade: float) -> dict[str, Any]:
-    """R and Q_y, in which an input as large as the motion takes costs 10^decade of an error as large as the motion."""
+def _next(known: Mapping[int, float], refused: Mapping[int, InvtrackError], most: float, begin: int) -> int | None:
+    """The next weight to try; None where the dearest with an error of at most this logarithm is known, or is known not to be."""
+    good = max((number for number, error in known.items() if error <= most), default=None)
+    low = max([LEAST - 1, *refused, *([] if good is None else [good])])
+    high = min((number for number, error in known.items() if error > most and number > low), default=MOST + 1)
+    if high - low <= 1:
+        return None
+    if not known:
+        return begin if low < begin < high else _between(low, high, refused)
+    (at, error), *others = sorted(known.items(), key=lambda point: abs(point[1] - most))[:2]
+    slope = SLOPE / PER_DECADE
+    if others and others[0][0] != at:
+        slope = (others[0][1] - error) / (others[0][0] - at)
+    if not slope > SLOPE / PER_DECADE / 10:
+        slope = SLOPE / PER_DECADE
+    step = float(np.clip((most - error) / slope, -STRIDE, STRIDE))
+    following = math.floor(at + step)
+    return min(max(following, low + 1), high - 1)
+
+
+def _between(low: int, high: int, refused: Mapping[int, InvtrackError]) -> int:
+    """The middle, nearer to what was refused than to the end of what is looked at."""
+    return (low + high) // 2 if not refused else min(low + STRIDE // 2, high - 1)
+
+
+def weights(task: Task, number: int) -> dict[str, Any]:
+    """R and Q_y: an input of the size that the motion takes costs 10^(number / PER_DECADE) times what an error of its size does."""
     _, u = task.sizes
-    return {"R": _diagonal(10**decade / u**2), "Q_y": _diagonal(1 / task.motion**2)}
+    return {"R": _diagonal(10 ** (number / PER_DECADE) / u**2), "Q_y": _diagonal(1 / task.motion**2)}
 
 
 def _diagonal(values: Array) -> Any:

@@ -13,8 +13,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
-import tyro
 
+from invtrack.command.printed import Printed
 from invtrack.control import TrackingController, lqr
 from invtrack.errors import InvtrackError
 from invtrack.figures import save_figure, tracking_figure
@@ -26,11 +26,8 @@ from invtrack.simulation import simulate
 
 
 @dataclass(frozen=True, kw_only=True)
-class Doctor:
+class Doctor(Printed):
     """Check MuJoCo, the compiled loop, threads, recordings and figures on this machine; status 1 where one of them fails."""
-
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Print the findings as JSON."""
 
     def execute(self) -> int:
         """Print one line for each check; 0, or 1 where one failed."""
@@ -44,7 +41,7 @@ class Doctor:
             found[name] = {"works": good, "finding": text, "seconds": round(time.perf_counter() - begin, 2)}
         if self.json:
             print(json.dumps(found, indent=2))
-        else:
+        elif not self.quiet:
             for name, result in found.items():
                 print(f"{'ok    ' if result['works'] else 'FAILED'} {name}: {result['finding']}")
         return 0 if all(result["works"] for result in found.values()) else 1

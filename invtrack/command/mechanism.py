@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
 
 from invtrack.errors import InvtrackError
-from invtrack.plant import Change, Plant, model_path, trim
-from invtrack.studies.options import StudyOptions
+from invtrack.plant import Plant, model_path, trim, with_parameter_values
 
 
 @dataclass(frozen=True, kw_only=True)
-class Mechanism(StudyOptions):
+class Mechanism:
     """A mechanism and the channels that matter."""
 
     mechanism: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="MODEL.xml")]
@@ -40,32 +39,29 @@ class Mechanism(StudyOptions):
     drop: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="STATE")] = ()
     """A coordinate that acts on nothing, such as where a vehicle stands; may be given several times."""
 
-    def that_matter(self) -> dict[str, Any]:
-        """As every study's, paths as texts."""
-        return {name: str(value) if isinstance(value, Path) else value for name, value in super().that_matter().items()}
-
     @property
     def values(self) -> dict[str, Any]:
         """Values of --set by path."""
         return dict(assignment("--set", text) for text in self.set)
 
-    def plant(self, changing: Sequence[Change] = ()) -> Plant:
-        """The plant at its operating point, with all parameters that are set or changed."""
+    def plant(self, parameters: Sequence[str] = ()) -> Plant:
+        """The plant at its operating point, with what is set; parameters: paths of those that may change on the way."""
         if not self.output:
             raise InvtrackError("--output (-y): say what is to follow, such as a sensor or joint:NAME or site:NAME:x")
         source = self.source
-        paths = list(dict.fromkeys([*self.values, *(path for change in changing for path in change.parameters)]))
         plant = Plant.from_xml(
             source,
             inputs=self.input or _actuators(source),
             outputs=self.output,
-            parameters=paths,
+            parameters=list(dict.fromkeys([*self.values, *parameters])),
             keyframe=self.keyframe,
             drop_states=self.drop,
         )
-        if not self.trim:
-            return plant
-        return trim(plant, outputs=self.trimmed, **self.values).plant
+        if self.values:
+            plant = with_parameter_values(plant, self.values)
+        kept = {name: parameter for name, parameter in plant.parameters.items() if name in parameters}
+        plant = replace(plant, parameters=kept, parameter_channels=plant.parameter_channels.subset(list(kept)))
+        return trim(plant, outputs=self.trimmed).plant if self.trim else plant
 
     @property
     def trimmed(self) -> dict[str, float]:

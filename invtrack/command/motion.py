@@ -9,9 +9,11 @@ from typing import Annotated
 
 import tyro
 
+from invtrack.command.limits import stated_limits
 from invtrack.command.mechanism import Mechanism
 from invtrack.errors import InvtrackError
 from invtrack.plant import Plant
+from invtrack.redesign import Limits
 
 UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "": 1.0}
 
@@ -28,6 +30,17 @@ class Motion(Mechanism):
 
     reference: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None
     """Instead of --move and --in: a table of times and wanted outputs."""
+
+    error: Annotated[str, tyro.conf.arg(metavar="SHARE")] = "1%"
+    """Largest error that is acceptable, as a share of the motion: by it feedback is weighed, and as much may redesigns give up."""
+
+    limit: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="NAME=VALUE")] = ()
+    """What an input (drive=12), its rate (drive:rate=50 per second) or an output (site:tip:x=-1:2) must never exceed: a number for
+    both signs, or LOW:HIGH; may be given several times. Actuators' ranges are limits, too."""
+
+    def limits(self, plant: Plant) -> Limits | None:
+        """Of --limit; None where none is stated."""
+        return stated_limits(self.limit, plant)
 
     def distances(self, plant: Plant) -> list[float]:
         """Of --move, one for each output."""

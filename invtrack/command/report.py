@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -9,11 +10,12 @@ from typing import Annotated
 import tyro
 
 from invtrack.command.motion import share
+from invtrack.command.printed import Printed
 from invtrack.report import write_report
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report:
+class Report(Printed):
     """Write one HTML page of a run or a study: the verdict, a table, figures, certificates, and how to repeat it."""
 
     run: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="RUN")]
@@ -27,5 +29,9 @@ class Report:
 
     def execute(self) -> int:
         """Write it and say where; 0."""
-        print(write_report(self.run, self.out, error=share("--error", self.error)))
+        path = write_report(self.run, self.out, error=share("--error", self.error))
+        if self.json:
+            print(json.dumps({"page": str(path)}, indent=2))
+        elif not self.quiet:
+            print(path)
         return 0

@@ -12,6 +12,7 @@ from typing import Annotated
 
 import tyro
 
+from invtrack.command.printed import Printed
 from invtrack.errors import InvtrackError
 from invtrack.figures import comparison_figure, save_figure
 from invtrack.results import RunResult, metrics, read_log
@@ -42,7 +43,7 @@ class View:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Compare:
+class Compare(Printed):
     """Print the metrics of runs side by side, and draw their errors and inputs in one figure."""
 
     runs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
@@ -54,9 +55,6 @@ class Compare:
     figure: Annotated[Path | None, tyro.conf.arg(metavar="FILE.png")] = None
     """Where to draw the comparison."""
 
-    json: tyro.conf.FlagCreatePairsOff[bool] = False
-    """Print the metrics as JSON in place of a table."""
-
     def execute(self) -> int:
         """Print and draw; 0."""
         logs = [path for path in self.runs if path.suffix.lower() == ".csv"]
@@ -67,7 +65,7 @@ class Compare:
         rows = {name: {**metrics(run), "status": run.status} for name, run in found.items()}
         if self.json:
             print(json.dumps(rows, indent=2))
-        else:
+        elif not self.quiet:
             columns = ["max error", "rms error", "residual vibration", "peak input", "preactuation time", "postactuation time"]
             print_table("", columns=[Column(name) for name in columns], rows=rows, row_header="run")
         if self.figure is not None:

@@ -9,25 +9,25 @@ from typing import Any
 import numpy as np
 
 from invtrack.command.mechanism import Mechanism
+from invtrack.command.printed import Printed
 from invtrack.linear.zeros import ZeroReport, zero_report
 from invtrack.plant import linearize
 
 
 @dataclass(frozen=True, kw_only=True)
-class Zeros(Mechanism):
+class Zeros(Mechanism, Printed):
     """Zeros, relative degree and modes of a mechanism about its operating point, and the preactuation that exact tracking needs."""
 
     def execute(self) -> int:
         """Print the report; 0."""
-        model = linearize(self.plant(), **self.values)
+        model = linearize(self.plant())
         report = zero_report(model)
         modes = np.linalg.eigvals(model.A)
         if self.json:
             print(json.dumps(_as_json(report, modes), indent=2))
-            return 0
-        print(report)
-        unstable = np.count_nonzero(modes.real > 1e-9 * max(1.0, float(np.max(np.abs(modes), initial=0.0))))
-        print(f"{len(modes)} modes, {unstable} of them unstable")
+        elif not self.quiet:
+            unstable = np.count_nonzero(modes.real > 1e-9 * float(np.max(np.abs(modes), initial=0.0)))
+            print(f"{report}\n{len(modes)} modes, {unstable} of them unstable")
         return 0
 
 

@@ -8,7 +8,7 @@ from invtrack.plant.linearize import linearize
 from invtrack.plant.loading import model_path
 from invtrack.plant.parameters import Change, Parameter
 from invtrack.plant.plant import Plant
-from invtrack.plant.variants import with_coupling_scaled, with_input_limits
+from invtrack.plant.variants import with_coupling_scaled, with_input_limits, with_parameter_values
 
 __all__ = [
     "Change",
@@ -23,4 +23,5 @@ __all__ = [
     "trim",
     "with_coupling_scaled",
     "with_input_limits",
+    "with_parameter_values",
 ]

@@ -1,4 +1,4 @@
-"""The same plant with something about its hardware changed for good: input limits, velocity couplings of another strength."""
+"""The same plant with something about its hardware changed for good: parameters, input limits, velocity couplings."""
 
 from __future__ import annotations
 
@@ -53,6 +53,23 @@ def with_input_limits(plant: Plant, limits: Mapping[str, ArrayLike]) -> Plant:
         if spec is not None:
             actuator = element_of_spec(spec, "actuator", index)
             actuator.ctrllimited, actuator.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, (low, high)
+    return replace(plant, model=model, spec=spec)
+
+
+def with_parameter_values(plant: Plant, values: Mapping[str, float]) -> Plant:
+    """The plant in whose model and specification named parameters have these values, in place of the file's.
+
+    values: by the parameter's name. The parameters keep their names, so that they can change from there on.
+
+    Raises PlantError for parameters that do not exist and values that leave no mechanism, as `Plant.apply` does.
+    """
+    instance("plant", plant, Plant, expected=A_PLANT, error=PlantError)
+    values = by_name("values", values, expected="values by the names of parameters", error=PlantError)
+    model = plant.model_with(values)
+    spec = None if plant.spec is None else plant.spec.copy()
+    if spec is not None:
+        for name, value in values.items():
+            plant.parameters[name].write_spec(spec, float(value), reference=plant.model)
     return replace(plant, model=model, spec=spec)
 
 

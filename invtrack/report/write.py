@@ -222,8 +222,11 @@ def _advice(advice: Advice) -> str:
             "peak input": (best.peak_input, advice.input_unit),
             "preactuation": (best.preactuation, "s"),
         }
-        sections += [numbers(entries), heading("The lines that make it"), program(advice.program), *_beside(advice, best)]
+        sections += [numbers(entries), *_beside(advice, best)]
     sections += _trials(advice)
+    if best is not None:
+        sections += [heading("The lines that make it"), program(advice.program)]
+        sections += [heading("Or the command"), program(advice.command)] if advice.command else []
     if advice.refusals:
         sections += [heading("What does not apply"), listed(f"{name}: {text}" for name, text in advice.refusals.items())]
     return page(f"{advice.plant}: which method to take", "invtrack advice", found, sections)

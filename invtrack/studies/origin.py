@@ -27,12 +27,17 @@ def made_by() -> dict[str, Any]:
 
 
 def plan_in_words(plan: Plan) -> dict[str, Any]:
-    """What a plan says of itself: method, manoeuvre and what lies around it [s], certificate, remarks; None where not finite."""
+    """What a plan says of itself: method, manoeuvre and what lies around it [s], lowest and highest inputs, certificate, remarks.
+
+    None where a number is not finite.
+    """
+    ranges = zip(plan.model.inputs.names, *plan.input_range, strict=True)
     return {
         "method": plan.method,
         "manoeuvre": [_finite(time) for time in plan.manoeuvre],
         "preactuation": _finite(plan.preactuation),
         "postactuation": _finite(plan.postactuation),
+        "input_range": {name: [_finite(low), _finite(high)] for name, low, high in ranges},
         "certificate": {name: _finite(value) for name, value in asdict(plan.certificate).items()},
         "remarks": [*plan.remarks],
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -79,7 +80,7 @@ def test_changes_surprises_sensors_and_a_slow_controller(folder: Path) -> None:
     known = run("known", "--change", "1.5", "body:load:mass=3")
     unknown = run("unknown", "--surprise", "body:load:mass=3")
     heavy = run("heavy", "--set", "body:load:mass=3")
-    assert max(known["max_error"], heavy["max_error"]) < 2e-3 < unknown["max_error"]
+    assert 3 * max(known["max_error"], heavy["max_error"]) < unknown["max_error"] < 0.01
     noisy = run("noisy", "--noise", "site:load:x=1e-3", "--period", "8ms", "--seed", "3")
     assert 1e-3 < noisy["max_error"] < 0.05
 
@@ -94,6 +95,55 @@ def test_a_table_of_wanted_outputs(folder: Path) -> None:
     )
     (run,) = invtrack.load_recording(folder / "a" / "exact.rrd").values()
     assert run.reference.values[-1, 0] == pytest.approx(0.5)
+
+
+def test_limits_are_kept_or_the_plan_is_refused(folder: Path) -> None:
+    free = run("free")
+    limited = run("limited", "--limit", "drive=4", "--limit", "drive:rate=-30:30")
+    assert (folder / "limited" / "limited.rrd").exists()
+    assert limited["peak_input"] <= 4 < free["peak_input"]
+    assert limited["limits_exceeded"] == []
+    (driven,) = invtrack.load_recording(folder / "limited" / "limited.rrd").values()
+    rates = np.diff(driven.commanded.values[:, 0]) / np.diff(driven.time[:-1])
+    assert np.max(np.abs(rates)) <= 30
+    loose = run("loose", "--method", "exact", "--limit", f"drive={1.2 * free['peak_input']}")
+    assert loose["peak_input"] == free["peak_input"]
+
+
+def test_a_plan_on_the_motion_departs_less_from_what_is_driven_than_the_linear_one(folder: Path) -> None:
+    departures = []
+    for name, words in (("redesign", ()), ("redesign_nonlinear", ("--nonlinear",))):
+        found = run(name, "--method", "redesign", "--give-up", "0.5%", *words)
+        assert 4e-3 < found["max_error"] < 6e-3
+        (driven,) = invtrack.load_recording(folder / name / f"{name}.rrd").values()
+        departures.append(invtrack.max_error(driven, wanted="planned_output"))
+    assert departures[1] < departures[0] / 10
+
+
+def test_a_plan_is_written_for_hardware_from_its_file_or_from_a_run(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    motion = ("--set", "body:load:mass=3", "--change", "1.5", "body:load:mass=2")
+    run("driven", *motion)
+    assert status_of("export", "driven", "--period", "5ms", "--gains", "gains.csv", "--json") == 0
+    said = json.loads(capsys.readouterr().out)
+    assert (said["rate"], said["files"]) == (200.0, ["plan.csv", "gains.csv"])
+    options = ("-y", "site:load:x", "--move", "1", "--in", "3", *motion)
+    assert status_of("export", "crane.xml", *options, "--period", "5ms", "--out", "again.csv", "--quiet") == 0
+    assert capsys.readouterr().out == ""
+    assert (folder / "plan.csv").read_text() == (folder / "again.csv").read_text()
+    plan = invtrack.read_plan(folder / "plan.csv")
+    (driven,) = invtrack.load_recording(folder / "driven" / "exact.rrd").values()
+    assert plan.states(driven.time) == pytest.approx(driven.state_reference.values, abs=1e-4)
+    table = np.loadtxt(folder / "gains.csv", delimiter=",", skiprows=2)
+    assert table[:, 0] == pytest.approx([said["start"], 1.5])
+    names = (folder / "gains.csv").read_text().splitlines()[0].split(",")
+    assert names[1:] == ["K.drive.x", "K.drive.swing", "K.drive.x velocity", "K.drive.swing velocity"]
+    model = invtrack.linearize(invtrack.Plant.from_xml("crane.xml", inputs=["drive"], outputs=["site:load:x"]))
+    assert np.max(np.linalg.eigvals(model.A - model.B @ table[1:, 1:]).real) < 0
+    (folder / "crane.xml").write_text(CRANE.replace('mass="5"', 'mass="6"'))
+    assert status_of("export", "driven") == 1
+    assert "no longer makes the plan of that run" in capsys.readouterr().err
+    assert status_of("export", "driven", "--method", "redesign") == 1
+    assert "method: the folder of a run says how its plan was made" in capsys.readouterr().err
 
 
 def test_advice_comes_with_a_program_that_runs_by_itself(
@@ -114,6 +164,14 @@ def test_advice_comes_with_a_program_that_runs_by_itself(
     exec(compile((folder / "advice" / "program.py").read_text(), "program.py", "exec"), names)
     error = np.max(np.abs(names["result"].output.values - names["result"].reference.values))
     assert error == found["recommended"]["error"]
+    assert found["command"] == (
+        f"invtrack run crane.xml -y site:load:x --move 1.0 --in {found['recommended']['duration']!r} "
+        f"--smoothness {found['recommended']['smoothness']} --method exact --error 1% --limit drive=12 --timestep 0.004"
+    )
+    assert status_of(*found["command"].split()[1:], "--no-figures", "--quiet", "--out", "again") == 0
+    again = json.loads((folder / "again" / "summary.json").read_text())["cases"]["exact"]
+    assert again["max_error"] == pytest.approx(found["recommended"]["error"], rel=1e-6)
+    assert status_of("compare", "advice", "again", "--quiet") == 0
     monkeypatch.setitem(invtrack.advise.__globals__, "LONGER", ())
     assert status_of("advise", "crane.xml", "-y", "site:load:x", "--move", "1", "--limit", "drive=1", "--quiet") == 1
 
@@ -134,6 +192,21 @@ def test_advice_comes_with_a_program_that_runs_by_itself(
             "--limit: expected NAME=VALUE with one of drive",
         ),
         (["advise", "crane.xml", "-y", "site:load:x", "--move", "1", "--limit", "drive=-1"], "--limit: expected a positive number"),
+        (
+            ["advise", "crane.xml", "-y", "site:load:x", "--move", "1", "--set", "body:load:mass=-1"],
+            "must be finite and not negative",
+        ),
+        (
+            ["run", "crane.xml", "-y", "site:load:x", "--move", "1", "--in", "3", "--method", "exact", "--limit", "drive=4"],
+            "stable inversion does not keep to it: input 'drive' between -4 and 4 is exceeded by 28",
+        ),
+        (
+            ["run", "crane.xml", "-y", "site:load:x", "--move", "1", "--limit", "drive:rat=4"],
+            "with one of drive, drive:rate, site:load",
+        ),
+        (["export", "crane.xml", "-y", "site:load:x", "--move", "1", "--period", "0ms"], "--period: expected a time"),
+        (["export", "crane.xml", "-y", "site:load:x", "--move", "1", "--out", "plan.txt"], "ends in .csv, got 'plan.txt'"),
+        (["export", "."], ".: expected the folder of a run that has ended"),
         (["report", "nowhere"], "nowhere: expected the folder of a run that has ended"),
         (["study", "nothing"], "there is no study 'nothing'; there are: "),
         (["compare", "nothing.rrd"], "nothing.rrd: expected a recording (.rrd) or a folder with some"),
@@ -153,6 +226,25 @@ def test_a_command_line_that_cannot_be_read_ends_with_two(capsys: pytest.Capture
     assert status_of("zeroes") == 2
     assert status_of("--version") == 0
     assert capsys.readouterr().out == f"invtrack {invtrack.__version__}\n"
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh"])
+def test_shells_are_told_how_to_complete(shell: str, folder: Path) -> None:
+    assert status_of("--tyro-write-completion", shell, "completions") == 0
+    script = (folder / "completions").read_text()
+    assert "export" in script
+    assert "--parameter-error" in script
+    if shutil.which(shell):
+        subprocess.run([shell, "-n", "completions"], check=True)
+    else:
+        assert shell == "zsh"  # bash is there
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    command = f"{sys.executable} -m invtrack study | true; echo ${{PIPESTATUS[0]}}"
+    ended = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=True)
+    assert ended.stderr == ""
+    assert int(ended.stdout) in (0, 141)  # 0 where all was written before the reader left
 
 
 def test_the_doctor_finds_everything_in_order(capsys: pytest.CaptureFixture[str]) -> None:

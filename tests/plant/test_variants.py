@@ -12,7 +12,7 @@ from invtrack.errors import PlantError
 from invtrack.plant.linearize import linearize
 from invtrack.plant.loading import model_path
 from invtrack.plant.plant import Plant
-from invtrack.plant.variants import with_coupling_scaled, with_input_limits
+from invtrack.plant.variants import with_coupling_scaled, with_input_limits, with_parameter_values
 from tests.plant.mechanisms import plant_of
 
 CLAMPLESS = """
@@ -108,3 +108,19 @@ def test_couplings_that_there_are_not_are_refused() -> None:
         with_coupling_scaled(two_disc(), "drag", 1.0)
     with pytest.raises(PlantError, match="scale must be a finite number, got nan"):
         with_coupling_scaled(two_disc(), "velocity_coupling", float("nan"))
+
+
+@pytest.mark.parametrize("compiled", [False, True])
+def test_parameters_set_for_good_are_those_of_the_model_and_of_one_compiled_afresh(compiled: bool) -> None:
+    parameters = {"disc": "body:disc1:mass", "damping": "joint:th1:damping"}
+    plant = Plant.from_xml(model_path("two_disc"), inputs=["motor"], outputs=["disc2_angle"], parameters=parameters)
+    values = {"disc": 2.5 * plant.parameter_values["disc"], "damping": 0.3}
+    other = with_parameter_values(plant, values)
+    assert other.parameter_values == pytest.approx(values, rel=1e-12)
+    assert plant.parameter_values["damping"] == 0.0
+    model = other.compiled_with({}) if compiled else other.model_with()
+    expected = plant.compiled_with(values)
+    for name in ("body_mass", "body_subtreemass", "dof_damping"):
+        np.testing.assert_allclose(getattr(model, name), getattr(expected, name), rtol=1e-9)
+    with pytest.raises(PlantError, match="mass"):
+        with_parameter_values(plant, {"mass": 1.0})

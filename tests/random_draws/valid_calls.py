@@ -158,6 +158,12 @@ def _calls() -> dict[str, Call]:
     swung = invtrack.simulate(
         rig, invtrack.TrackingController(invtrack.invert(invtrack.linearize(rig), slew, tolerance=1e-2)), timestep=0.05
     )
+    weighed = invtrack.Plant.from_xml(
+        invtrack.model_path("cantilever"),
+        inputs=["base_force"],
+        outputs=["tip_position"],
+        parameters={"tip_mass": "body:tip:mass"},
+    )
     weights = {"R": 1.0, "Q_y": 10.0}
     prefilter = redesign.prefilter(invtrack.StateSpace(A, B, np.array([[1.0, 0.0]])), **weights)
     trade_off = redesign.pareto_sweep(model, bump, weights=[weights])
@@ -676,6 +682,7 @@ def _calls() -> dict[str, Call]:
             tolerance=1e-8,
         ),
         "model_path": call(invtrack.model_path, name="cantilever"),
+        "with_parameter_values": call(plant.with_parameter_values, plant=weighed, values={"tip_mass": 3.0}),
         "with_input_limits": call(plant.with_input_limits, plant=rig, limits={"base_force": (-1.0, 1.0)}),
         "with_coupling_scaled": call(
             plant.with_coupling_scaled,
