@@ -1,6 +1,8 @@
-"""What `advise` recommends against a denser sweep over method, smoothness, duration and weights, on four mechanisms in MuJoCo.
+"""What `advise` recommends against a denser sweep over method, smoothness, duration and weights, on mechanisms in MuJoCo.
 
-    python benchmarks/advice.py [crane] [cart_pole] [flexible_arm] [slung_load]
+    python benchmarks/advice.py [crane] [cart_pole] [dm_cart_pole] [flexible_arm] [slung_load]
+
+dm_cart_pole is the cart-pole of dm_control's suite, of the extra `gallery`.
 
 Every plan of the sweep is driven on the plant under the feedback of the recommendation; of those that keep to the error the one
 with the least peak input is what there was to find. The last column is to be at most 1.5.
@@ -8,6 +10,7 @@ with the least peak input is what there was to find. The last column is to be at
 
 from __future__ import annotations
 
+import importlib.metadata
 import itertools
 import sys
 import time
@@ -64,6 +67,11 @@ def cart_pole() -> tuple[invtrack.Plant, invtrack.Move]:
     return invtrack.Plant.from_xml(path, inputs=["force"], outputs=["joint:cart"]), invtrack.Move(1.0, 2.0)
 
 
+def dm_cart_pole() -> tuple[invtrack.Plant, invtrack.Move]:
+    suite = importlib.metadata.distribution("dm-control").locate_file("dm_control/suite/cartpole.xml")
+    return invtrack.Plant.from_xml(str(suite), inputs=["slide"], outputs=["joint:slider"]), invtrack.Move(0.5, 2.0)
+
+
 def slung_load() -> tuple[invtrack.Plant, invtrack.Move]:
     plant = invtrack.Plant.from_xml(
         invtrack.model_path("slung_load"),
@@ -78,6 +86,7 @@ MECHANISMS: dict[str, Callable[[], tuple[invtrack.Plant, invtrack.Move]]] = {
     "crane": crane,
     "flexible_arm": flexible_arm,
     "cart_pole": cart_pole,
+    "dm_cart_pole": dm_cart_pole,
     "slung_load": slung_load,
 }
 

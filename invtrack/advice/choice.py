@@ -9,13 +9,14 @@ from invtrack.advice.task import Task
 from invtrack.advice.trial import Trial
 
 ALIKE = 1.05
-"""Peak inputs within this factor of the least count as alike: of those the one that rings least is taken."""
+"""Peak inputs, and times of ringing, within this factor of the least count as alike."""
 
 
 def chosen(trials: Sequence[Trial], *, fastest: bool) -> Trial | None:
     """Of the trials that do what was asked, the one with the least peak input, and of those with about as little the least ringing.
 
-    With `fastest` of those alone that last shortest. None where no trial does what was asked.
+    Of those that ring alike, too, it is one on the linear model where there is one, for that is the simpler plan. With `fastest`
+    it is one of those alone that last shortest. None where no trial does what was asked.
     """
     good = [trial for trial in trials if trial.meets]
     if fastest:
@@ -23,7 +24,9 @@ def chosen(trials: Sequence[Trial], *, fastest: bool) -> Trial | None:
         good = [trial for trial in good if trial.duration == shortest]
     least = min((trial.peak_input for trial in good), default=0.0)
     alike = [trial for trial in good if trial.peak_input <= ALIKE * least]
-    return min(alike, key=lambda trial: (ringing(trial), trial.peak_input), default=None)
+    quietest = min(map(ringing, alike), default=0.0)
+    quiet = [trial for trial in alike if ringing(trial) <= ALIKE * quietest]
+    return min(quiet, key=lambda trial: (trial.plan.linearizations is not None, trial.peak_input), default=None)
 
 
 def promise(trial: Trial) -> tuple[bool, float]:
@@ -66,7 +69,8 @@ def reason(task: Task, trials: Sequence[Trial], trial: Trial | None, *, fastest:
     elif trial.peak_input <= min(each.peak_input for each in others):
         said.append(f"of {len(others) + 1} that do it takes the least peak input, {peak}")
     else:
-        said.append(f"its peak input, {peak}, is within {100 * (ALIKE - 1):.0f} % of the least, and it rings least of those")
+        close = f"is within {100 * (ALIKE - 1):.0f} % of the least"
+        said.append(f"its peak input, {peak}, {close}, and of those it rings about as little as any")
     if trial.error_off is not None:
         said.append(
             f"with parameters off its error is {100 * trial.error_off:.3g} % of the motion, {100 * trial.error:.3g} % without"

@@ -273,7 +273,7 @@ WAYS: tuple[Way, ...] = (
     Way("quadratic redesign", _quadratic(TIGHTER), offsets=(-1, 0, 2), gives_up=TIGHTER),
     Way("constrained redesign", _constrained, offsets=(-1, 0), durations=True, within_limits=True, gives_up=TIGHTER),
     Way("stable inversion", _exact, offsets=(-1, 0, 2), durations=True),
-    Way("stable inversion of the motion", _motion, mechanism=True),
+    Way("stable inversion of the motion", _motion, mechanism=True, follows="stable inversion"),
     Way("quadratic redesign of the motion", _quadratic_motion, mechanism=True, gives_up=1.0, follows="quadratic redesign"),
     Way(
         "constrained redesign of the motion",

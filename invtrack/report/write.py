@@ -156,8 +156,8 @@ def _figures(runs: Mapping[str, RunResult]) -> list[str]:
         title = f"output, tracking error and input of {name} over time"
         return [
             *sections,
-            figure(name, svg_text(tracking_figure(run), title=f"states, {title}"), screen="desk"),
-            figure(name, svg_text(column_figure(run), title=title), screen="phone"),
+            figure("States, output, error and input", svg_text(tracking_figure(run), title=f"states, {title}"), screen="desk"),
+            figure("Output, error and input", svg_text(column_figure(run), title=title), screen="phone"),
         ]
     if len({(run.output.channels, run.applied.channels) for run in drawn.values()}) == 1:
         compared = svg_text(comparison_figure(list(drawn.values())), title="errors and inputs of all cases")

@@ -19,6 +19,12 @@ from tests.advice.plants import crane, mass
 
 ERROR, TIMESTEP = 0.01, 1e-2
 
+SWING = """<mujoco model="swing"><option integrator="RK4"/>
+<worldbody><body name="cart"><joint name="x" type="slide" axis="1 0 0" damping="1"/><geom type="box" size=".2 .1 .05" mass="1"/>
+<body name="pole"><joint name="swing" axis="0 1 0" damping=".05"/><geom type="capsule" fromto="0 0 0 0 0 -1" size=".02" mass="1"/>
+</body></body></worldbody><actuator><motor name="drive" joint="x"/></actuator></mujoco>"""
+"""A cart from which a heavy pole hangs, far from linear where it is moved fast."""
+
 
 @pytest.fixture(scope="module")
 def lifted() -> Advice:
@@ -123,6 +129,23 @@ def test_the_fastest_motion_comes_near_what_the_limit_lets_be(monkeypatch: pytes
     # Half the way at full force, the other half against it, takes 2 sqrt(1 m / 4 m/s^2) = 1 s.
     assert 0.9 < best.duration < 1.4
     assert all(trial.duration >= best.duration for trial in pushed.trials if trial.meets)
+
+
+def test_redesign_is_tried_on_the_motion_where_it_did_best_on_the_linear_model(monkeypatch: pytest.MonkeyPatch) -> None:
+    ways_of = {way.name: way for way in ways.WAYS}
+    leader = replace(ways_of["quadratic redesign"], lines=ways.WAYS[0].lines, offsets=(-1,))
+    chosen = (leader, *(ways_of[name] for name in ("quadratic redesign of the motion", "constrained redesign of the motion")))
+    monkeypatch.setitem(invtrack.advise.__globals__, "WAYS", chosen)
+    monkeypatch.setitem(invtrack.advise.__globals__, "SHORTER", ())
+    plant = invtrack.Plant.from_xml(SWING, inputs=["drive"], outputs=["joint:x"])
+    found = invtrack.advise(plant, invtrack.Move(2.0, duration=2.5), error=0.02, timestep=TIMESTEP)
+    best = {trial.method: trial for trial in found.best}
+    linear, motion = best["quadratic redesign"], best["quadratic redesign of the motion"]
+    assert motion.meets
+    assert motion.smoothness == linear.smoothness
+    departures = [invtrack.max_error(trial.run, wanted="planned_output") for trial in (linear, motion)]
+    assert departures[1] < departures[0] / 10
+    assert "no limits to keep" in found.excluded["constrained redesign of the motion"]
 
 
 def test_what_nothing_does_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
