@@ -56,11 +56,11 @@ def advise(
         print(advice)
         print(advice.program)
 
-    Tried are redesign (its weights searched so that it takes of the error what it may), redesign within limits, exact inversion of
-    the linear model and, of a Plant, of its own motion, modified and causal inversion, and what people use: feedback alone, with
-    rigid feedforward or through postures at rest, shaped commands under that feedback and on a base servo, approximate inverses of
-    the sampled plant. Where the reference is a `Move`, several smoothnesses, and shorter motions, are tried, too; longer ones where
-    nothing does what is asked in that time.
+    Tried are redesign (its weights searched so that it takes of the error what it may), redesign within limits, exact and modified
+    inversion, each of the linear model and, of a Plant, of its own motion, causal inversion, and what people use: feedback alone,
+    with rigid feedforward or through postures at rest, shaped commands under that feedback and on a base servo, approximate inverses
+    of the sampled plant. Where the reference is a `Move`, several smoothnesses, and shorter motions, are tried, too; longer ones
+    where nothing does what is asked in that time.
 
     Recommended is what keeps to `error`, `limits` and `max_preactuation` and stays stable with parameters off; of these what takes
     the least peak input; of those within 5 % of that what rings least.

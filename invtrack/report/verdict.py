@@ -57,7 +57,8 @@ def verdict(
     said = f"Best is {best}, which misses by {percent(known[best])} of the motion at most."
     if known[worst] > error:
         said += f" {worst} misses by {percent(known[worst])}: {why(runs[worst], plans.get(worst))}."
-    return Verdict(bool(within), f"{len(within)} of {len(runs)} cases track within {percent(error)}", said)
+    good = True if len(within) == len(runs) else None if within else False
+    return Verdict(good, f"{len(within)} of {len(runs)} cases track within {percent(error)}", said)
 
 
 def _single(run: RunResult, share: float | None, error: float, plan: Mapping[str, Any] | None) -> Verdict:

@@ -125,20 +125,21 @@ def _numbers(runs: Mapping[str, RunResult], error: float) -> list[str]:
             for kind in ("output", "applied")
         }
         columns = [
+            Column("verdict"),
             Column("error", "% of motion", "share"),
             Column("max error", units["output"]),
             Column("residual vibration", units["output"]),
             Column("peak input", units["applied"]),
             Column("preactuation time", "s"),
             Column("postactuation time", "s"),
-            Column("verdict"),
         ]
         shares = {name: share_missed(run) for name, run in runs.items()}
         rows = {
             name: {**found, "share": None if (share := shares[name]) is None else 100 * share, "verdict": _word(share, error)}
             for name, found in measured.items()
         }
-        sections += [heading("Cases"), table(columns, rows, row_header="case")]
+        marked = {name: "" if share is None else "good" if share <= error else "bad" for name, share in shares.items()}
+        sections += [heading("Cases"), table(columns, rows, row_header="case", marked=marked)]
     return sections
 
 
@@ -184,6 +185,7 @@ def _remarks(runs: Mapping[str, RunResult], summary: Mapping[str, Any]) -> list[
         sections.append(listed(f"{name}: {text}" for name, plan in plans.items() for text in plan["remarks"]))
     said = [f"{name}: {text}" for name, texts in summary.get("warnings", {}).items() for text in texts]
     said += [f"{name}: {text}" for name, run in runs.items() for text in run.remarks if f"{name}: {text}" not in said]
+    said += [f"{name}: {text}" for name, case in summary.get("cases", {}).items() for text in case.get("limits_exceeded", [])]
     said += [f"{name} ({case['status']}): {case['reason']}" for name, case in summary.get("cases", {}).items() if "reason" in case]
     if said:
         sections += [heading("What the runs say"), listed(said)]
