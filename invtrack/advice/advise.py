@@ -58,12 +58,12 @@ def advise(
 
     Tried are redesign (its weights searched so that it takes of the error what it may), redesign within limits, exact and modified
     inversion, each of the linear model and, of a Plant, of its own motion, causal inversion, and what people use: feedback alone,
-    with rigid feedforward or through postures at rest, shaped commands under that feedback and on a base servo, approximate inverses
-    of the sampled plant. Where the reference is a `Move`, several smoothnesses, and shorter motions, are tried, too; longer ones
-    where nothing does what is asked in that time.
+    with rigid feedforward or through postures at rest, shaped commands under that feedback and on a base servo, approximate
+    inverses of the sampled plant. Where the reference is a `Move`, several smoothnesses, and shorter motions, are tried, too;
+    longer ones where nothing does what is asked in that time.
 
     Recommended is what keeps to `error`, `limits` and `max_preactuation` and stays stable with parameters off; of these what takes
-    the least peak input; of those within 5 % of that what rings least.
+    the least peak input; of those within 5 % of that what rings least, and of those that ring alike a plan on the linear model.
 
     Args:
         plant: a Plant at an equilibrium; or a StateSpace, a SwitchedSystem, or anything with A, B, C, D.
