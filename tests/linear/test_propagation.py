@@ -120,7 +120,7 @@ def test_values_do_not_depend_on_how_the_times_are_spread(rows: int, times: int)
     for name, tau in spans.items():
         expected = np.real((np.exp(np.outer(tau, eigenvalues)) * (vectors.conj().T @ v[0])) @ (X @ vectors).T)
         found = Propagator(M).outputs(X, v, np.zeros(times, dtype=np.intp), tau, resolution=1e-14)
-        assert found == pytest.approx(expected, abs=1e-12 * np.max(np.abs(expected))), name
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.max(np.abs(expected)), err_msg=name)
 
 
 @pytest.mark.parametrize("count", [3, 40])

@@ -128,7 +128,7 @@ def tracking_error(plan: invtrack.Plan, reduction: Reduction, *, feedback: bool)
     """How far the full model is off the output planned on the reduced one, as a share of the slew."""
     gains = control.lifted_gains(invtrack.lqr(reduction.reduced, Q=1.0, R=1e-2), reduction) if feedback else None
     controller = invtrack.TrackingController(plans.lifted(plan, reduction), gains)
-    run = invtrack.simulate(invtrack.LinearPlant(reduction.full), controller, timestep=1e-3, end=2.0)
+    run = invtrack.simulate(invtrack.LinearPlant(reduction.full), controller, timestep=4e-3, end=2.0)
     return invtrack.max_error(run, wanted="planned_output")
 
 
