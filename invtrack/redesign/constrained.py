@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from invtrack.arrays import require_duration
 from invtrack.errors import RedesignError
+from invtrack.inversion.motion_options import checked_motion_options
 from invtrack.plans.dynamics import ScheduledChange, mechanism
 from invtrack.redesign.constrained_trajectory import ConstrainedTrajectory
 from invtrack.redesign.cost import as_weights
@@ -86,7 +87,7 @@ def constrained_redesign(
     """
     if step is not None:
         require_duration("step", step, error=RedesignError)
-    moving = mechanism(model)
+    schedule, moving = checked_motion_options(schedule, accuracy, error=RedesignError), mechanism(model)
     if moving is not None:
         return redesign_motion_within(
             moving,

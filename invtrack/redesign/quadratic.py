@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from invtrack.arrays import Array, real_numbers, shown
 from invtrack.errors import RedesignError
+from invtrack.inversion.motion_options import checked_motion_options
 from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.dynamics import ScheduledChange, mechanism
 from invtrack.plans.problem import PlanningProblem
@@ -88,7 +89,7 @@ def quadratic_redesign(
     output, or a motion that the simulator does not confirm). Source: S. Devasia, "Optimal output-trajectory redesign for invertible
     systems", AIAA J. of Guidance, Control, and Dynamics 19(5), 1996 (frequency domain; here the same optimum in time).
     """
-    moving = mechanism(model)
+    schedule, moving = checked_motion_options(schedule, accuracy, error=RedesignError), mechanism(model)
     if moving is not None:
         if probabilities is not None:
             raise RedesignError("probabilities are for a list of linear models, a Plant is planned for as it moves; leave them out")

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import invtrack
 from invtrack.errors import InvtrackError, PlanError, RedesignError, TrajectoryError
 from invtrack.linear.state_space import StateSpace
 from invtrack.redesign.cost import cost
@@ -42,6 +43,10 @@ def beside(b: list[float], c: list[float], oscillator: np.ndarray = OSCILLATOR) 
         ({"Q_y": -1.0}, "Q_y must be positive semidefinite"),
         ({"tolerance": 1.0}, "tolerance must lie between 0 and 1"),
         ({"max_preactuation": -1.0}, "max_preactuation must not be negative"),
+        ({"schedule": NONMINIMUM}, "schedule must be a list of changes"),
+        ({"schedule": [invtrack.Change(1.0, mass=2.0)]}, "schedule is for a Plant"),
+        ({"accuracy": ...}, "accuracy must be real numbers"),
+        ({"accuracy": 1.0}, "accuracy must lie between 0 and 1"),
     ],
 )
 def test_options(options: dict[str, Any], message: str) -> None:

@@ -119,8 +119,7 @@ def least_cost_motion(
     Args:
         mechanism, reference, R, Q_x, Q_y, schedule, accuracy, hold, tolerance: see `redesign_motion`.
     """
-    for name, share in (("accuracy", accuracy), ("tolerance", tolerance)):
-        require_share(name, share, error=PlanError)
+    require_share("tolerance", tolerance, error=PlanError)
     if hold is not None:
         require_duration("hold", hold, error=PlanError)
     problem = MotionProblem.of(mechanism, reference, schedule, exact=False)
