@@ -93,11 +93,7 @@ def _scenes(
 
 
 def _scene(run: RunResult, camera: Camera | None, *, several: bool) -> rrb.View:
-    eye = (
-        rrb.EyeControls3D()
-        if camera is None
-        else rrb.EyeControls3D(position=camera.position, look_target=camera.target, eye_up=camera.up)
-    )
+    eye = None if camera is None else rrb.EyeControls3D(position=camera.position, look_target=camera.target, eye_up=camera.up)
     return rrb.Spatial3DView(
         origin=entity_path(run.name, "scene"),
         name=run.name if several else run.model,

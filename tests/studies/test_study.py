@@ -111,7 +111,11 @@ def test_a_point_of_a_sweep_that_diverges_is_missing_and_says_so(elsewhere: Path
 
 def test_an_interruption_keeps_the_cases_done(elsewhere: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def interrupt() -> invtrack.TrackingController:
-        signal.raise_signal(signal.SIGINT)
+        previous = signal.signal(signal.SIGINT, signal.default_int_handler)  # as in a process of its own
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            signal.signal(signal.SIGINT, previous)
         raise AssertionError("the signal comes first")
 
     made = study(

@@ -209,8 +209,10 @@ def test_a_word_that_is_no_choice_is_a_usage_error(pytester: pytest.Pytester) ->
 
 
 def test_the_documented_module_passes_and_fails_as_documented(pytester: pytest.Pytester) -> None:
-    document = (Path(__file__).parents[2] / "docs" / "testing.md").read_text(encoding="utf-8")
-    (module,), (said,) = (re.findall(rf"^```{kind}\n(.*?)^```", document, re.MULTILINE | re.DOTALL) for kind in ("python", "text"))
+    document = (Path(__file__).parents[2] / "docs" / "guide" / "testing.md").read_text(encoding="utf-8")
+    (module,), (said,) = (
+        re.findall(rf"^```{kind}\n(.*?)^```", document, re.MULTILINE | re.DOTALL) for kind in ('python title="test_arm.py"', "text")
+    )
     (pytester.path / "arm.xml").write_text(ARM.format(stiffness=40, mass=0.5))
     pytester.makepyfile(test_arm=module)
     pytest_run(pytester).assert_outcomes(passed=5)

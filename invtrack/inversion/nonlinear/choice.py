@@ -22,6 +22,9 @@ LEAST_GAP = 0.3
 AMPLE_GAP = 1.0
 """A gap with which errors of the mesh are forgotten within a few elements."""
 
+REFINED = 2
+"""Steps of eighth order between neighbouring half distances of the points at first: polynomials between them are as exact then."""
+
 LENGTHS = (1.0, 0.5, 0.25, 2.0, 0.125)
 """Multiples of the wanted length of elements that are tried."""
 
@@ -87,7 +90,7 @@ class Choice:
         """
         scheme = self.scheme
         if factor > 1 and scheme.count > 1 and scheme.method is CLASSICAL:
-            return replace(self, scheme=replace(scheme, method=EIGHTH_ORDER))
+            return replace(self, scheme=replace(scheme, method=EIGHTH_ORDER, refinement=REFINED))
         return replace(self, scheme=replace(scheme, refinement=factor * scheme.refinement))
 
 
