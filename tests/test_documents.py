@@ -78,7 +78,7 @@ def test_the_program_of_the_readme_tracks_and_leaves_a_recording(tmp_path: Path,
 def test_tests_that_a_page_shows_pass(pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch) -> None:
     page = "docs/guide/testing.md"
     in_a_folder(page, pytester.path, monkeypatch)
-    pytester.runpytest_inprocess("-p", "no:xdist", *PLUGIN, "test_arm.py").assert_outcomes(passed=5)
+    pytester.runpytest_subprocess("-p", "no:xdist", *PLUGIN, "test_arm.py").assert_outcomes(passed=5)
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
 import re
-import tempfile
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -12,7 +10,7 @@ import matplotlib as mpl
 import pytest
 
 import invtrack
-from tests.testing.arm import ARM, REFERENCE, arm, design
+from tests.testing.arm import ARM
 
 INSTALLED = bool(entry_points(group="pytest11", name="invtrack"))
 
@@ -78,27 +76,15 @@ def _fonts(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def suite(pytester: pytest.Pytester, loaded: None) -> pytest.Pytester:
+def suite(pytester: pytest.Pytester) -> pytest.Pytester:
     """A folder with the mechanism and a module of tests."""
     pytester.makepyfile(arm=(Path(__file__).parent / "arm.py").read_text(), test_arm=FIXTURES + TESTS)
     return pytester
 
 
-@pytest.fixture(scope="module")
-def loaded() -> None:
-    """All that the tests of those runs load, loaded beforehand: runs in this process give up what they are the first to load."""
-    importlib.import_module("invtrack.recording")
-    importlib.import_module("matplotlib.figure")
-    importlib.import_module("matplotlib.backends.backend_agg")
-    run = invtrack.simulate(arm(), design(invtrack.linearize(arm()), REFERENCE), timestep=5e-3)
-    with tempfile.TemporaryDirectory() as folder:
-        invtrack.save_recording(run, Path(folder) / "run.rrd")
-
-
-def pytest_run(suite: pytest.Pytester, *arguments: str, alone: bool = False) -> pytest.RunResult:
-    """Those tests in a run of pytest of their own, in this process; alone: in one of its own."""
+def pytest_run(suite: pytest.Pytester, *arguments: str) -> pytest.RunResult:
     plugin = () if INSTALLED else ("-p", "invtrack.testing.plugin")
-    return (suite.runpytest_subprocess if alone else suite.runpytest_inprocess)("-p", "no:randomly", *plugin, *arguments)
+    return suite.runpytest_subprocess("-p", "no:randomly", *plugin, *arguments)
 
 
 def kept(folder: Path) -> list[str]:
@@ -140,9 +126,7 @@ def test_what_passes_again_leaves_nothing_behind(suite: pytest.Pytester) -> None
 
 
 def test_under_xdist_each_worker_keeps_its_own_and_all_is_said(suite: pytest.Pytester) -> None:
-    result = pytest_run(
-        suite, "-n", "2", "--dist", "load", "--invtrack-artifacts", "artefacts", "-k", "not test_how_often", alone=True
-    )
+    result = pytest_run(suite, "-n", "2", "--dist", "load", "--invtrack-artifacts", "artefacts", "-k", "not test_how_often")
     result.assert_outcomes(passed=4, failed=3)
     paths = kept(suite.path / "artefacts")
     assert {path.partition("/")[0] for path in paths} <= {
@@ -179,7 +163,7 @@ def test_a_run_without_it_loads_nothing(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(
         "import sys\ndef test():\n    assert not {'numpy', 'mujoco', 'rerun', 'matplotlib', 'scipy'} & set(sys.modules)\n"
     )
-    result = pytest_run(pytester, "-p", "no:hypothesispytest", "-p", "no:xdist", "--invtrack-keep=always", alone=True)
+    result = pytest_run(pytester, "-p", "no:hypothesispytest", "-p", "no:xdist", "--invtrack-keep=always")
     result.assert_outcomes(passed=1)
     pytest_run(pytester, "--markers").stdout.fnmatch_lines(["@pytest.mark.invtrack_factors(factors, together=False): *"])
 
