@@ -53,10 +53,12 @@ def make_blueprint(
     left = rrb.Vertical(
         *(view for views in shares.values() for view in views), row_shares=[share for share, views in shares.items() if views]
     )
+    # The legends of several cases are wide.
+    arranged = _side_by_side if len(runs) == 1 else _tabs
     right = [
-        _side_by_side(_outputs(runs, interval, shared=shared)),
+        arranged(_outputs(runs, interval, shared=shared)),
         _tabs([*_errors(runs, interval, "log10_error"), *_errors(runs, interval, "error")]),
-        _side_by_side(_inputs(runs, interval, shared=shared)),
+        arranged(_inputs(runs, interval, shared=shared)),
         _tabs([view for run in runs for view in _states(run, interval, several=len(runs) > 1, shared=shared)]),
     ]
     return rrb.Blueprint(
@@ -117,7 +119,7 @@ def _outputs(runs: Sequence[RunResult], interval: tuple[float, float], *, shared
             if shared or unit in run.measured.channels.units:
                 paths.append(unit_path(run.name, "measured", unit))
         paths += _event_lines(runs[0], "output", unit)
-        views.append(_plot(_titled("Output and reference", unit), paths, interval))
+        views.append(_plot(_titled("Output and reference", unit), paths, interval, beside=_beside(runs, "output")))
     return views
 
 
@@ -138,7 +140,7 @@ def _inputs(runs: Sequence[RunResult], interval: tuple[float, float], *, shared:
         paths = [unit_path(run.name, "applied", unit) for run in runs]
         paths += [unit_path(run.name, "commanded", unit) for run in runs if shared or not _same(run.commanded, run.applied)]
         paths += _event_lines(runs[0], "applied", unit)
-        views.append(_plot(_titled("Input", unit), paths, interval))
+        views.append(_plot(_titled("Input", unit), paths, interval, beside=_beside(runs, "applied")))
     return views
 
 
@@ -195,9 +197,29 @@ def _titled(text: str, unit: str) -> str:
     return f"{text} [{unit}]" if unit else text
 
 
-def _plot(name: str, paths: list[str], interval: tuple[float, float], values: tuple[float, float] | None = None) -> rrb.View:
+def _beside(runs: Sequence[RunResult], name: str) -> float:
+    """BESIDE, more of it where two plots or more of one run share the width."""
+    return BESIDE * min(len(_units(runs, name)), 2) if len(runs) == 1 else BESIDE
+
+
+def _plot(
+    name: str,
+    paths: list[str],
+    interval: tuple[float, float],
+    values: tuple[float, float] | None = None,
+    *,
+    beside: float = BESIDE,
+) -> rrb.View:
+    """Lines over time.
+
+    Args:
+        name, paths: title, and what is drawn.
+        interval: what is shown of the time [s].
+        values: what is shown of the values at first; all unless given.
+        beside: share of the interval that is left free on the right.
+    """
     begin, until = interval
-    start, end = (rr.TimeRangeBoundary.absolute(seconds=time) for time in (begin, until + BESIDE * (until - begin)))
+    start, end = (rr.TimeRangeBoundary.absolute(seconds=time) for time in (begin, until + beside * (until - begin)))
     return rrb.TimeSeriesView(
         origin="/",
         contents=paths,
