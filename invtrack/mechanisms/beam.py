@@ -182,12 +182,15 @@ class Beam:
     def surface_strain(self, angles: ArrayLike) -> Array:
         """Strain of the beam's surface at the hinges (..., n) for their angles (..., n) [rad]: curvature times half the thickness.
 
-        Raises PlantError for another number of angles.
+        Raises PlantError for another number of angles, or for such that are not finite.
         """
         return self._angles(angles) / self.segment_length * self.thickness / 2
 
     def strain_energy(self, angles: ArrayLike) -> Array:
-        """Elastic energy [J] (...,) for the hinges' angles (..., n) [rad]. Raises PlantError for another number of angles."""
+        """Elastic energy [J] (...,) for the hinges' angles (..., n) [rad].
+
+        Raises PlantError for another number of angles, or for such that are not finite.
+        """
         return np.asarray(np.sum(self._angles(angles) ** 2, axis=-1) * self.bending_stiffness / self.segment_length / 2)
 
     def spec(self) -> mujoco.MjSpec:
@@ -206,4 +209,6 @@ class Beam:
         values = real_numbers("angles [rad]", angles, error=PlantError)
         if values.ndim == 0 or values.shape[-1] != self.segments:
             raise PlantError(f"expected the angles of {self.segments} hinges (..., {self.segments}), got shape {values.shape}")
+        if not np.all(np.isfinite(values)):
+            raise PlantError("the angles must be finite; leave out where a run diverged")
         return values

@@ -27,7 +27,7 @@ WANTED: Color = (150, 158, 168)
 GOAL: Color = (0, 158, 115)
 PATHS: tuple[Color, ...] = ((0, 114, 178), (213, 94, 0), (204, 121, 167), (230, 159, 0))
 TEXT, MARGIN = 15, 10  # pixels: height of letters, space around text
-SMALLEST = 160  # pixels, of a side of a run's picture
+SMALLEST, LARGEST = 160, 4096  # pixels, of a side of a run's picture
 GAP = 4  # pixels between the pictures of two runs
 RING = 6.5  # pixels: radius of the circle around the wanted point
 
@@ -52,7 +52,7 @@ def save_animation(
         results: the runs, with MuJoCo models.
         path: of the file, which ends in .webp or .gif.
         rate: pictures per second, up to 50.
-        width, height: of each run's picture [pixels], at least 160.
+        width, height: of each run's picture [pixels], from 160 to 4096.
         camera: name of a camera of the model, as for `save_recording`.
 
     Raises RecordingError where there is no run, a run has no MuJoCo model or no finite positions, no camera has the name, the path
@@ -66,8 +66,8 @@ def save_animation(
     if not 0 < finite_number("rate", rate, unit="1/s", error=RecordingError) <= 50:
         raise RecordingError(f"expected a rate of more than 0 and up to 50 pictures per second, got {shown(rate)}")
     size = (
-        whole_number("width", width, lowest=SMALLEST, error=RecordingError),
-        whole_number("height", height, lowest=SMALLEST, error=RecordingError),
+        whole_number("width", width, lowest=SMALLEST, highest=LARGEST, error=RecordingError),
+        whole_number("height", height, lowest=SMALLEST, highest=LARGEST, error=RecordingError),
     )
     if camera is not None:
         require_text("camera", camera, error=RecordingError)
