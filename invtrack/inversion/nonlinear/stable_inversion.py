@@ -15,6 +15,7 @@ from invtrack.inversion.nonlinear.decoupling import require_hold_of_outputs
 from invtrack.inversion.nonlinear.linearizations import linearizations_along
 from invtrack.inversion.nonlinear.newton import Iteration
 from invtrack.inversion.nonlinear.problem import MotionProblem
+from invtrack.inversion.nonlinear.shooting import Motion
 from invtrack.inversion.nonlinear.solver import MotionSolver, Solution
 from invtrack.inversion.nonlinear.tails import tails_of
 from invtrack.inversion.nonlinear.trajectory import trajectory_of
@@ -26,11 +27,15 @@ from invtrack.plans.certificate import Certificate
 from invtrack.plans.dynamics import Mechanism, ScheduledChange
 from invtrack.plans.plan import Plan
 from invtrack.plans.problem import actuation_times, left_out_of
+from invtrack.plans.runge_kutta import legendre
 from invtrack.plans.trajectory import Trajectory
 from invtrack.references.signal import PiecewiseSignal
 
 ON_AXIS = 1e-6
 """A zero is on the imaginary axis where its real part is below this share of its size: models are found by differences."""
+
+EDGES = 9
+"""Points of an element at which its inputs are compared with their ranges."""
 
 SLACK = 10.0
 """A plan may miss its equations, replayed, by so many times the accuracy that its mesh was made for."""
@@ -164,7 +169,7 @@ def confirmed(problem: MotionProblem, solution: Solution, outputs: PiecewiseSign
         dynamics.require_free(motion.points[chosen], motion.coefficients[chosen, 0])
     certificate = certify_motion(shooting, motion, trajectory, model, outputs, accuracy)
     _require_rest(problem, certificate, SLACK * accuracy)
-    require_confirmed(certificate, SLACK * accuracy, exact=exact)
+    require_confirmed(certificate, SLACK * accuracy, exact=exact, clamped=beyond_actuators(motion, model))
     checks = MotionChecks(
         rest_residual=max(rest.residual for rest in problem.rests),
         gap=min(end.gap for end in shooting.ends),
@@ -193,11 +198,37 @@ def _require_rest(problem: MotionProblem, certificate: Certificate, limit: float
     )
 
 
-def require_confirmed(certificate: Certificate, limit: float, *, exact: bool) -> None:
-    """Raises PlanError for a plan that its replay does not confirm; exact: whether y = y_d holds between the points, too."""
-    if not certificate.worst(exact=exact) <= limit:
+def beyond_actuators(motion: Motion, model: SwitchedSystem) -> str:
+    """Which inputs of a motion go beyond what their actuators pass on, in words; "" where none does."""
+    values = np.einsum("kim,ji->kjm", motion.coefficients, legendre(motion.coefficients.shape[1], np.linspace(0.0, 1.0, EDGES)))
+    lowest, highest = values.min(axis=(0, 1)), values.max(axis=(0, 1))
+    ranges = zip(model.inputs.names, lowest, highest, model.systems[0].input_limits, strict=True)
+    said = [
+        f"{name!r} goes from {low:.4g} to {high:.4g}, of which its actuator passes on {allowed[0]:.4g} to {allowed[1]:.4g}"
+        for name, low, high, allowed in ranges
+        if low < allowed[0] or high > allowed[1]
+    ]
+    return "; ".join(said)
+
+
+def require_confirmed(certificate: Certificate, limit: float, *, exact: bool, clamped: str) -> None:
+    """Raises PlanError for a plan that its replay does not confirm.
+
+    Args:
+        certificate: the replay's.
+        limit: largest residual.
+        exact: whether y = y_d holds between the points, too.
+        clamped: see `beyond_actuators`.
+    """
+    if certificate.worst(exact=exact) <= limit:
+        return
+    if clamped:
         raise PlanError(
-            f"the plan is not confirmed by the simulator: replayed from its own states it misses them or its outputs by more than "
-            f"{limit:.1e} of their size ({certificate}); a clamp, a stop or a contact may act on the way, or the plant may not be "
-            "smooth there. Ask for a motion that stays clear of it, or for less accuracy"
+            f"the plan asks for more than the actuators pass on: {clamped}. Ask for a smaller, slower or smoother motion, or for "
+            "less input by constrained_redesign"
         )
+    raise PlanError(
+        f"the plan is not confirmed by the simulator: replayed from its own states it misses them or its outputs by more than "
+        f"{limit:.1e} of their size ({certificate}); a limit of force, a stop or a contact may act on the way, or the plant may "
+        "not be smooth there. Ask for a motion that stays clear of it, or for less accuracy"
+    )

@@ -14,7 +14,7 @@ from invtrack.errors import PlanError, RedesignError
 from invtrack.inversion.nonlinear.certificate import certify_motion
 from invtrack.inversion.nonlinear.linearizations import linearizations_along
 from invtrack.inversion.nonlinear.problem import MotionProblem
-from invtrack.inversion.nonlinear.stable_inversion import SLACK, require_confirmed
+from invtrack.inversion.nonlinear.stable_inversion import SLACK, beyond_actuators, require_confirmed
 from invtrack.inversion.nonlinear.trajectory import trajectory_of
 from invtrack.inversion.whole_holds import in_whole_holds
 from invtrack.linear.switched import SwitchedSystem, as_switched
@@ -166,7 +166,7 @@ def plan_of(
         chosen = np.flatnonzero(mesh.interval == k)
         dynamics.require_free(motion.points[chosen], motion.coefficients[chosen, 0])
     certificate = certify_motion(motions, motion, trajectory, model, problem.reference, solver.accuracy)
-    require_confirmed(certificate, SLACK * solver.accuracy, exact=False)
+    require_confirmed(certificate, SLACK * solver.accuracy, exact=False, clamped=beyond_actuators(motion, model))
     preactuation, postactuation, limited = actuation_times(trajectory, problem.manoeuvre, tolerance, reach)
     plan = kind(
         method=method,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 import invtrack
@@ -139,3 +140,15 @@ def test_options_for_a_plant_are_refused_for_a_linear_model() -> None:
     plant = cart_pole()
     with pytest.raises(invtrack.errors.PlanError, match=r"schedule is for a Plant.* is a SwitchedSystem"):
         invtrack.invert(invtrack.linearize(plant), slew(1.0), schedule=[invtrack.Change(0.5, payload=1.0)])
+
+
+def test_more_input_than_the_actuator_passes_on() -> None:
+    """The trolley and its load, 2.5 kg in all, need up to 5 N or so; beside the motion, the input's range is named."""
+    crane = CRANE.replace('joint="trolley"/>', 'joint="trolley" ctrlrange="-2 2"/>').replace(
+        'type="hinge"', 'type="hinge" damping=".2"'
+    )
+    plant = invtrack.Plant.from_xml(crane, inputs=["force"], outputs=["joint:trolley"])
+    with pytest.raises(invtrack.errors.PlanError, match=r"'force' goes from -\S+ to \S+, of which its actuator passes on -2 to 2"):
+        invtrack.invert(plant, slew(2.0))
+    plan = invtrack.invert(plant, slew(0.2))
+    assert np.all(np.abs(plan.input_range) < 2.0)
