@@ -22,6 +22,6 @@ def in_whole_holds(plan: PlanType, hold: float) -> PlanType:
 def held_remark(hold: float, certificate: Certificate) -> str:
     """What a user should know of a plan for holds [s]: the certificate's output error is what is left between its points."""
     return (
-        f"planned for a zero-order hold of {hold:g} s: inputs are constant over each, the outputs exact once in each, and within "
-        f"{certificate.output_error:.1e} of their motion in between"
+        f"planned for a zero-order hold of {hold:g} s: inputs are constant over each, with which the outputs stay within "
+        f"{certificate.output_error:.1e} of their motion"
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from invtrack.errors import PlanError
+from invtrack.inversion.nonlinear.balance import balanced
 from invtrack.inversion.nonlinear.bend import Bending
 from invtrack.inversion.nonlinear.certificate import state_sizes
 from invtrack.inversion.nonlinear.choice import Choice, choose
@@ -35,6 +36,9 @@ FASTEST = 1.0
 
 ROUGHLY = 1e-2
 """A motion of which so much is left to find shows which mesh it needs."""
+
+KNOWN = 0.5
+"""Misses at matched points up to this share of the accuracy do not hide those in between."""
 
 LEFT = 0.1
 """Share of the accuracy that Newton's method may leave to find."""
@@ -121,7 +125,20 @@ class MotionSolver:
             _require_few((last - first) / hold, last - first, f"in holds of {hold:.3g} s")
             stops = np.unique(np.concatenate([[first], self.problem.stops, [last]]))
             held = Mesh.even(stops, self.problem.switch_times, hold)
-            solution = self._continued(solution, choice, held, self._tolerance)
+            solution = self._held_on(held, choice, solution)
+
+    def _held_on(self, mesh: Mesh, choice: Choice, solution: Solution) -> Solution:
+        """The motion for inputs held on a mesh, from what is known of it; misses beside stops are as small as they get."""
+        found = self._continued(solution, choice, mesh, ROUGHLY)
+        shooting, motion = found.shooting, found.motion
+        _, away = shooting.misses(motion, shooting.nodes(motion))
+        if np.max(np.abs(away) / shooting.motion_size[:, None]) > KNOWN * self.accuracy and remaining(found.log) > self._tolerance:
+            found = self._continued(found, choice, mesh, self._tolerance)
+        if self.bending is None:
+            own = balanced(found.shooting, found.motion, self.problem.reference, self.problem.stops, self.accuracy)
+            if own is not None:
+                return self._continued(replace(found, shooting=own), choice, mesh, self._tolerance)
+        return found if remaining(found.log) <= self._tolerance else self._continued(found, choice, mesh, self._tolerance)
 
     def outputs_of(self, motion: Motion) -> PiecewiseSignal:
         """The outputs that a motion is to have, absolute."""

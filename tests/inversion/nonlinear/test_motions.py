@@ -88,7 +88,7 @@ def test_a_plan_for_the_hold_that_drives_it(case: str) -> None:
 
 
 def test_beside_a_jump_a_hold_leaves_what_it_cannot_follow() -> None:
-    """Zeros at 660 rad/s ask for an input that changes within a hold of 1 ms: between the points it leaves a ripple, as planned."""
+    """Zeros at 660 rad/s ask for an input that changes within a hold of 1 ms: what they leave is spread over middles and ends."""
     make, reference, schedule, _ = CASES["flexible link, raised with payloads"]
     plant, errors = make(), []
     for hold in (1e-3, 5e-4):
@@ -98,10 +98,11 @@ def test_beside_a_jump_a_hold_leaves_what_it_cannot_follow() -> None:
         controller = invtrack.TrackingController(plan, invtrack.lqr(plan, Q=1.0, R=1.0))
         run = invtrack.simulate(plant, controller, timestep=hold)
         error = np.abs(run.output.values - run.reference.values)[:, 0] / (np.pi / 2)
-        beside = np.any([np.abs(run.time - change.time) < 3e-3 for change in schedule], axis=0)
-        assert np.max(error[~beside]) <= 1e-7
-        assert np.max(error) <= plan.certificate.output_error
+        beside = np.any([np.abs(run.time - change.time) < 8 * hold for change in schedule], axis=0)
+        assert np.max(error[~beside]) <= 0.5 * np.max(error[beside])
+        assert np.max(error) == pytest.approx(plan.certificate.output_error, rel=0.2)
         errors.append(np.max(error[beside]))
+    assert errors[0] <= 1e-7
     assert np.log2(errors[0] / errors[1]) > 2.5
 
 
