@@ -94,10 +94,10 @@ def _influences(shooting: Shooting, motion: Motion, places: list[Place]) -> list
     One solution of the linear problem serves all places, which are too far from each other for one to show in another.
     """
     nodes, scheme, p = shooting.nodes(motion), shooting.scheme, len(shooting.motion_size)
-    maps, (start, end) = shooting.maps(motion, nodes), shooting.ends
+    maps, ((L, _), (R, _)) = shooting.maps(motion, nodes), shooting.end_conditions(motion)
     back, gain = maps.inverse
-    problem = TwoPointProblem.of(maps.exact, start.start_rows(), end.end_rows(), start.scale)
-    still = np.zeros(len(start.start_rows())), np.zeros(len(end.end_rows()))
+    problem = TwoPointProblem.of(maps.exact, L, R, shooting.ends[0].scale)
+    still = np.zeros(len(L)), np.zeros(len(R))
     found = [np.zeros((len(place.looked), len(SHARES), p, len(place.moved), p)) for place in places]
     between = [replace(shooting, scheme=replace(scheme, at_end=(at_end,) * p)).maps(motion, nodes) for at_end in (False, True)]
     for k in range(max(len(place.moved) for place in places)):

@@ -9,6 +9,7 @@ import scipy.linalg
 
 from invtrack.arrays import Array, ComplexArray, Indices
 from invtrack.inversion.nonlinear.elements import Scheme, map_at_rest
+from invtrack.inversion.nonlinear.powers import Powers
 from invtrack.inversion.nonlinear.rest import Rest
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.zeros import zeros
@@ -33,16 +34,20 @@ SLOW_PER_COEFFICIENT = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Departure:
-    """Motions about rest that die out away from a manoeuvre: x = X exp(A t) v, u = U exp(A t) v, as deviations from rest.
+    """Motions about rest that die out away from a manoeuvre: x = X exp(A t) phi, u = U exp(A t) phi, as deviations from rest.
+
+    phi are powers of coordinates, at t = 0; the coordinates themselves where motions are small.
 
     They are those of the elements themselves: x at the nodes is as elements carry it on, and u has the mean over each element that
     keeps the outputs at their points; where inputs are held, that is its value in the middle, which a controller holds.
 
     Args:
         side: of the manoeuvre.
-        A: (k, k) [1/s].
-        X, U: states, in the tangent space at rest, and inputs (n, k), (m, k).
-        V: v = V x for the state x at t = 0, what lies in other motions left aside (k, n).
+        A: (K, K) [1/s].
+        X, U: states, in the tangent space at rest, and inputs (n, K), (m, K).
+        V: coordinates V x of the state x, what lies in other motions left aside (k, n); where some have powers, of the others
+            after what these powers make of the state.
+        powers: of these.
     """
 
     side: Side
@@ -50,6 +55,47 @@ class Departure:
     X: Array
     U: Array
     V: Array
+    powers: Powers
+
+    def start(self, away: Array) -> Array:
+        """phi at t = 0 (K,) for a state that far from rest (n,)."""
+        return self.powers.values(self._coordinates(away))
+
+    def part(self, away: Array) -> Array:
+        """What of a state that far from rest (n,) lies in these motions (n,)."""
+        return np.asarray(self.X @ self.start(away))
+
+    def slopes(self, away: Array) -> Array:
+        """The derivatives of that part (n, n)."""
+        w, k = self._coordinates(away), self.powers.variables
+        to_powers, to_coordinates = self.powers.slopes(w), self.V.copy()
+        w[k:] = 0.0
+        to_coordinates[k:] -= self.V[k:] @ self.X @ self.powers.slopes(w)[:, :k] @ self.V[:k]
+        return np.asarray(self.X @ to_powers @ to_coordinates)
+
+    def _coordinates(self, away: Array) -> Array:
+        """Those without powers are what is left beside the powers of the others."""
+        w, k = self.V @ away, self.powers.variables
+        w[k:] = 0.0
+        w[k:] = self.V[k:] @ (away - self.X @ self.powers.values(w))
+        return np.asarray(w)
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Slow and other motions of a linear map M (n, n): M X = X T and M Z = Z S, with [V; Y] the inverse of [X, Z].
+
+    Args:
+        X, T, V: of the slow ones (n, k), (k, k), (k, n).
+        Z, S, Y: of the others (n, n - k), (n - k, n - k), (n - k, n).
+    """
+
+    X: Array
+    T: Array
+    V: Array
+    Z: Array
+    S: Array
+    Y: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +110,7 @@ class End:
         inputs: coefficients of the inputs on an element that keep the outputs, from x at its start (s m, n).
         zeros: invariant zeros of the linear model there [rad/s].
         gap: smallest |log |lambda|| of the multipliers that stand for no zero which the elements resolve.
+        curved: how motions that are not small leave rest, or come to it; None for small ones.
     """
 
     rest: Rest
@@ -73,6 +120,7 @@ class End:
     inputs: Array
     zeros: ComplexArray
     gap: float
+    curved: Departure | None = None
 
     @classmethod
     def of(cls, dynamics: Dynamics, rest: Rest, scheme: Scheme, length: float, zeros: ComplexArray) -> End:
@@ -85,6 +133,11 @@ class End:
     def expanding(self) -> int:
         """How many multipliers lie outside the unit circle."""
         return int(np.sum(np.abs(np.linalg.eigvals(self.M)) > 1 + NEUTRAL))
+
+    @property
+    def degree(self) -> int:
+        """Of the polynomials that are known for tails."""
+        return 1 if self.curved is None else self.curved.powers.degree
 
     def start_rows(self) -> Array:
         """Rows L (n - n_u, n): L (x - rest) = 0 for a motion that has left rest, long before; orthonormal in balanced units."""
@@ -113,29 +166,60 @@ class End:
         rows[:, states] = Q[:, :count].T
         return rows / self.scale
 
+    def conditions(self, side: Side, away: Array) -> tuple[Array, Array]:
+        """What the state is to meet where a motion leaves rest, or comes to it, by how much it misses that, and how that changes.
+
+        away: the state less rest (n,). Returns rows (c, n) for a change of the state, and the misses (c,).
+        """
+        rows = self.start_rows() if side == "before" else self.end_rows()
+        if self.curved is None:
+            return rows, rows @ away
+        return rows - rows @ self.curved.slopes(away), rows @ (away - self.curved.part(away))
+
     def departure(self, side: Side) -> Departure:
         """Motions about rest that die out away from a manoeuvre, on that side of it, but not within a few elements."""
-        multipliers = np.linalg.eigvals(self.M)
-        outward = np.abs(multipliers) > 1 + NEUTRAL if side == "before" else np.abs(multipliers) < 1 - NEUTRAL
-        lasting = np.abs(np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny))) < LASTING
-        slow = outward & lasting & (np.abs(np.angle(multipliers)) < ALTERNATING)
+        if self.curved is not None:
+            return self.curved
+        split = self.split(self.lasting(side))
+        A = np.zeros((0, 0)) if len(split.T) == 0 else np.real(scipy.linalg.logm(split.T)) / self.length
+        U = self.inputs_of(A, self.inputs[: len(self.rest.inputs)] @ split.X)
+        return Departure(side, A, split.X, U, split.V, Powers(len(A), 1))
 
-        def among(re: float, im: float) -> int:
-            return int(np.argmin(np.abs(multipliers - complex(re, im))))
-
-        T, Q, count = scipy.linalg.schur(self.M, sort=lambda re, im: bool(slow[among(re, im)]))
-        A = np.zeros((0, 0)) if count == 0 else np.real(scipy.linalg.logm(T[:count, :count])) / self.length
-        X = self.scale[:, None] * Q[:, :count]
-        m, step = len(self.rest.inputs), A * self.length
-        if len(self.inputs) == m:
+    def inputs_of(self, A: Array, means: Array) -> Array:
+        """U (m, K) for which U exp(A t) phi has the means (m, K) phi over an element, or, where inputs are held, in its middle."""
+        step, count = A * self.length, len(A)
+        if len(self.inputs) == len(self.rest.inputs):
             reading = scipy.linalg.expm(step / 2)
         else:
             reading = scipy.linalg.expm(np.block([[step, np.eye(count)], [np.zeros((count, 2 * count))]]))[:count, count:]
-        U = np.linalg.solve(reading.T, (self.inputs[:m] @ X).T).T
-        # Coordinates of any state along these motions, what it has of others left aside.
-        rest = scipy.linalg.solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:]) if count else T[:0]
-        V = (Q[:, :count].T - rest @ Q[:, count:].T) / self.scale
-        return Departure(side, A, X, U, V)
+        return np.asarray(np.linalg.solve(reading.T, means.T).T)
+
+    def lasting(self, side: Side) -> ComplexArray:
+        """Multipliers of the motions that die out away from a manoeuvre on that side of it, but not within a few elements."""
+        multipliers = np.linalg.eigvals(self.M)
+        outward = np.abs(multipliers) > 1 + NEUTRAL if side == "before" else np.abs(multipliers) < 1 - NEUTRAL
+        slow = np.abs(np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny))) < LASTING
+        return np.asarray(multipliers[outward & slow & (np.abs(np.angle(multipliers)) < ALTERNATING)])
+
+    def split(self, chosen: ComplexArray) -> Split:
+        """The motions with the chosen multipliers, of those of M, conjugates among them, and the others."""
+        multipliers = np.linalg.eigvals(self.M)
+        own_ones = np.isin(multipliers, chosen)
+
+        def own(re: float, im: float) -> bool:
+            return bool(own_ones[np.argmin(np.abs(multipliers - complex(re, im)))])
+
+        T, Q, count = scipy.linalg.schur(self.M, sort=own)
+        slow, others = Q[:, :count], Q[:, count:]
+        mixed = scipy.linalg.solve_sylvester(T[:count, :count], -T[count:, count:], -T[:count, count:]) if count else T[:0]
+        return Split(
+            X=self.scale[:, None] * slow,
+            T=T[:count, :count],
+            V=(slow.T - mixed @ others.T) / self.scale,
+            Z=self.scale[:, None] * (slow @ mixed + others),
+            S=T[count:, count:],
+            Y=others.T / self.scale,
+        )
 
     def _rows(self, *, expanding: bool) -> Array:
         """A basis of the left-invariant subspace of the multipliers outside the unit circle, or of the others."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TypeVar
 
 import numpy as np
@@ -15,6 +15,7 @@ from invtrack.inversion.nonlinear.elements import ElementMaps, Scheme, element_m
 from invtrack.inversion.nonlinear.ends import End
 from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.plans.dynamics import Derivatives, Dynamics
+from invtrack.plans.tail import SIDES
 
 T = TypeVar("T")
 
@@ -178,28 +179,52 @@ class Shooting(ElementChain):
         largest = float(np.max(peaks / scale))
         return np.asarray(np.maximum(peaks, FLOOR * largest * scale) if largest > 0 else scale)
 
+    def ends_away(self, motion: Motion) -> tuple[Array, Array]:
+        """The first and the last state less rest there (n,)."""
+        first, last = (
+            self.dynamics[0].difference(motion.points[[number]], end.rest.point[None])[0]
+            for number, end in zip((0, -1), self.ends, strict=True)
+        )
+        return first, last
+
+    def end_conditions(self, motion: Motion) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Of both ends the rows for a change of the state, and by how much it misses what they ask for; see `End.conditions`."""
+        (first, last), (start, end) = self.ends_away(motion), self.ends
+        return start.conditions("before", first), end.conditions("after", last)
+
+    def ends_missed(self, motion: Motion) -> float:
+        """By how much the ends miss what is asked of them, as a share of the largest peak in balanced units."""
+        scale = self.ends[0].scale
+        worst = max(float(np.max(np.abs(missed), initial=0.0)) for _, missed in self.end_conditions(motion))
+        return worst / float(np.max(self.sizes(motion) / scale))
+
+    def on_tails(self, motion: Motion) -> Motion:
+        """The same but for its first and last state, of which only what lies in the tails is kept."""
+        points = motion.points.copy()
+        for number, end, side, away in zip((0, -1), self.ends, SIDES, self.ends_away(motion), strict=True):
+            points[number] = self.dynamics[0].retract(end.rest.point[None], end.departure(side).part(away)[None])[0]
+        return replace(motion, points=points)
+
     def step(self, motion: Motion, nodes: Array, gaps: Array, away: Array) -> Change:
         """Newton's step. Raises LinAlgError where there is none."""
         maps = self.maps(motion, nodes)
         back, gain = maps.inverse
-        (start, end), d = self.ends, self.dynamics[0].difference
-        L, R = start.start_rows(), end.end_rows()
-        first, last = d(motion.points[:1], start.rest.point[None])[0], d(motion.points[-1:], end.rest.point[None])[0]
-        problem = TwoPointProblem.of(maps.exact, L, R, start.scale)
+        (first, last), ((L, left), (R, right)) = self.ends_away(motion), self.end_conditions(motion)
+        problem = TwoPointProblem.of(maps.exact, L, R, self.ends[0].scale)
 
         def solved(away: Array) -> tuple[Array, Array]:
             wanting = np.einsum("kij,kj->ki", gain, away.reshape(len(away), -1))
             b = gaps - np.einsum("kij,kj->ki", maps.end_c, wanting)
-            states = problem.solve(b, -L @ first, -R @ last)
+            states = problem.solve(b, -left, -right)
             return states, -wanting - np.einsum("kij,kj->ki", back, states[:-1])
 
         states, coefficients = solved(away)
         if self.border is None:
             return Change(states, coefficients, motion.bend)
-        left = np.concatenate([self.border.start @ (first + states[0]), self.border.end @ (last + states[-1])])
+        moved = np.concatenate([self.border.start @ (first + states[0]), self.border.end @ (last + states[-1])])
         influence = problem.influence(self.border.start, self.border.end)
         pull = np.einsum("rkn,knj,kji->rki", influence, maps.end_c, gain).reshape(len(influence), *away.shape)
-        bend, gap = self.border.step(self.mesh, self.scheme, pull, motion.bend, left)
+        bend, gap = self.border.step(self.mesh, self.scheme, pull, motion.bend, moved)
         return Change(*solved(away - self._bent(self.border, bend)), bend, gap)
 
     def _bent(self, border: Border, bend: Array) -> Array:

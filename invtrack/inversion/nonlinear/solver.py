@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from invtrack.arrays import Array
 from invtrack.errors import PlanError
 from invtrack.inversion.nonlinear.balance import balanced
 from invtrack.inversion.nonlinear.bend import Bending
@@ -15,6 +16,7 @@ from invtrack.inversion.nonlinear.continuation import Progress, follow
 from invtrack.inversion.nonlinear.decoupling import require_hold_of_outputs
 from invtrack.inversion.nonlinear.elements import Scheme
 from invtrack.inversion.nonlinear.ends import End
+from invtrack.inversion.nonlinear.manifold import curved
 from invtrack.inversion.nonlinear.mesh import EVEN, Mesh
 from invtrack.inversion.nonlinear.newton import Iteration, converged, remaining
 from invtrack.inversion.nonlinear.problem import MotionProblem
@@ -22,7 +24,8 @@ from invtrack.inversion.nonlinear.refinement import DenseError, dense_error, par
 from invtrack.inversion.nonlinear.rest import rest_with
 from invtrack.inversion.nonlinear.shooting import Motion, Shooting, at_rest
 from invtrack.inversion.nonlinear.tails import known, tail_errors
-from invtrack.inversion.nonlinear.windows import LAYER, NONE_RESTING, Windows
+from invtrack.inversion.nonlinear.windows import LAYER, MARGIN, NONE_RESTING, Windows
+from invtrack.plans.tail import SIDES
 from invtrack.references.signal import PiecewiseSignal
 
 COUNT = 4
@@ -42,6 +45,9 @@ KNOWN = 0.5
 
 LEFT = 0.1
 """Share of the accuracy that Newton's method may leave to find."""
+
+WORTHWHILE = 1e-2
+"""Tails with powers are used where they are off by no more than this share of what linear ones are."""
 
 MOST_ELEMENTS = 20_000
 """Elements that are planned, at most."""
@@ -102,7 +108,7 @@ class MotionSolver:
                     solution = self._continued(replace(coarse, log=log), coarse.choice, coarse.shooting.mesh, known_to)
                 else:
                     solution = self._followed(*finer, known_to, replace(solution, log=log))
-            elif remaining(solution.log) > self._tolerance:
+            elif self._left(solution) > self._tolerance:
                 solution = self._continued(solution, solution.choice, solution.shooting.mesh, self._tolerance)
             elif np.max(error.worst) <= self.accuracy:
                 return solution
@@ -114,10 +120,11 @@ class MotionSolver:
         choice, (begin, end) = choose(self.problem, 1, hold, fixed=True), self.problem.manoeuvre
         solution = self._rough()
         windows = self._windows(solution.choice)
+        solution = self._within(solution, windows.inner(solution.shooting.mesh))
         while True:
             mesh, final = solution.shooting.mesh, solution.choice is choice
             errors = tail_errors(self.problem, solution.shooting, solution.motion, known_well=final)
-            more = windows.lacking(mesh, errors)
+            more = windows.lacking(mesh, errors, _degrees(solution.shooting))
             if final and np.all((errors <= self.accuracy) | (more < hold)):
                 return solution
             reach = np.maximum(np.array([begin - mesh.edges[0], mesh.edges[-1] - end]) + more, LAYER * hold)
@@ -127,18 +134,31 @@ class MotionSolver:
             held = Mesh.even(stops, self.problem.switch_times, hold)
             solution = self._held_on(held, choice, solution)
 
+    def _within(self, solution: Solution, kept: slice) -> Solution:
+        """The part of a motion on some of its elements, with tails from there on."""
+        shooting, motion, mesh = solution.shooting, solution.motion, solution.shooting.mesh
+        if len(range(len(mesh))[kept]) == len(mesh):
+            return solution
+        inner = Mesh(mesh.edges[kept.start : kept.stop + 1], mesh.interval[kept])
+        found = self._conditions(shooting.scheme, inner, 1.0)
+        if found is None:
+            return solution
+        found = replace(found, motion_size=shooting.motion_size, number=shooting.number)
+        motion = Motion(motion.points[kept.start : kept.stop + 1], motion.coefficients[kept], motion.bend)
+        return replace(solution, shooting=self._with_tails(found, motion), motion=motion)
+
     def _held_on(self, mesh: Mesh, choice: Choice, solution: Solution) -> Solution:
         """The motion for inputs held on a mesh, from what is known of it; misses beside stops are as small as they get."""
         found = self._continued(solution, choice, mesh, ROUGHLY)
         shooting, motion = found.shooting, found.motion
         _, away = shooting.misses(motion, shooting.nodes(motion))
-        if np.max(np.abs(away) / shooting.motion_size[:, None]) > KNOWN * self.accuracy and remaining(found.log) > self._tolerance:
+        if np.max(np.abs(away) / shooting.motion_size[:, None]) > KNOWN * self.accuracy and self._left(found) > self._tolerance:
             found = self._continued(found, choice, mesh, self._tolerance)
         if self.bending is None:
             own = balanced(found.shooting, found.motion, self.problem.reference, self.problem.stops, self.accuracy)
             if own is not None:
                 return self._continued(replace(found, shooting=own), choice, mesh, self._tolerance)
-        return found if remaining(found.log) <= self._tolerance else self._continued(found, choice, mesh, self._tolerance)
+        return found if self._left(found) <= self._tolerance else self._continued(found, choice, mesh, self._tolerance)
 
     def outputs_of(self, motion: Motion) -> PiecewiseSignal:
         """The outputs that a motion is to have, absolute."""
@@ -180,7 +200,9 @@ class MotionSolver:
         parts = choice.allowed(parts_for(to_blame, self.accuracy, COUNT + 1), shooting.mesh)
         factor = 1 if few and np.any(parts > 1) else steps_for(error.defect, self.accuracy, choice.scheme.method.order)
         mesh = shooting.mesh.split(parts)
-        longer = windows.longer(mesh, tail_errors(self.problem, shooting, solution.motion))
+        known_well = self._left(solution) <= self._tolerance
+        errors = tail_errors(self.problem, shooting, solution.motion, known_well=known_well)
+        longer = windows.longer(mesh, errors, _degrees(shooting))
         if longer is None and np.all(parts == 1) and factor == 1:
             return None
         mesh = mesh if longer is None else longer
@@ -202,7 +224,8 @@ class MotionSolver:
             found = self._conditions(choice.scheme, mesh, 1.0)
             if found is None:
                 raise _unlike_ends(mesh)
-            conditions = replace(found, number=conditions.number + 1)
+            found = replace(found, number=conditions.number + 1, motion_size=conditions.motion_size)
+            conditions = self._with_tails(found, guess)
         motion, log = converged(conditions, guess, tolerance, log=solution.log)
         return (None if motion is None else self._sized(Solution(choice, conditions, motion, log))), log
 
@@ -257,7 +280,30 @@ class MotionSolver:
                 "steps); beyond, the inverse may cease to exist (an actuator that loses its effect, a posture that turns over). "
                 f"Ask for a smaller or slower motion, or go by way of another posture{sooner}"
             )
-        return self._sized(Solution(choice, found.shooting, found.motion, (*before, *found.log)))
+        solution = self._sized(Solution(choice, found.shooting, found.motion, (*before, *found.log)))
+        return replace(solution, shooting=self._with_tails(solution.shooting, solution.motion))
+
+    def _with_tails(self, shooting: Shooting, motion: Motion) -> Shooting:
+        """Conditions with ends that know how the motion goes on beyond them as exactly as the accuracy asks, and rounding allows.
+
+        motion: about the one that meets them.
+        """
+        enough = MARGIN * self.accuracy
+        linear = tail_errors(self.problem, shooting, motion)
+        if self.bending is not None or np.all(linear <= enough):
+            return shooting
+        tails = [
+            curved(shooting.dynamics[number], end, shooting.scheme, side, away)
+            for side, number, end, away in zip(SIDES, (0, -1), shooting.ends, shooting.ends_away(motion), strict=True)
+        ]
+        start, end = (replace(end, curved=tail) for end, tail in zip(shooting.ends, tails, strict=True))
+        errors = tail_errors(self.problem, replace(shooting, ends=(start, end)), motion)
+        better = (linear > enough) & (errors <= np.maximum(WORTHWHILE * linear, enough))
+        return replace(shooting, ends=(start if better[0] else shooting.ends[0], end if better[1] else shooting.ends[1]))
+
+    def _left(self, solution: Solution) -> float:
+        """What is left to find of a motion, as a share of peaks: by Newton's method, and at the ends."""
+        return max(remaining(solution.log), solution.shooting.ends_missed(solution.motion))
 
     def _sized(self, solution: Solution) -> Solution:
         """With sizes also for outputs that are to stay still: what the states could make of them."""
@@ -266,6 +312,11 @@ class MotionSolver:
         possible = np.abs(models[0].C) @ state_sizes(shooting, motion, self.problem.model(shooting.mesh.edges))
         size = np.where(moves > 0, moves, np.where(possible > 0, possible, 1.0))
         return replace(solution, shooting=replace(shooting, motion_size=size))
+
+
+def _degrees(shooting: Shooting) -> Array:
+    """Of the polynomials in the tails (2,)."""
+    return np.array([float(end.degree) for end in shooting.ends])
 
 
 def _require_few(elements: float, duration: float, what: str) -> None:

@@ -19,6 +19,9 @@ LAYER = 12
 FIRST_SHARE = 0.03
 """The mesh ends at first where so much of the motion in the slowest zero is left."""
 
+SHORT = 0.1
+"""Where inputs are held, and elements are short, tails are tried from where so much of it is left."""
+
 LAST_SHARE = 0.5
 """It reaches to where linear tails meet the accuracy, at most until the share left is this times the accuracy's square root: tails
 are off by the square of what is left."""
@@ -65,21 +68,29 @@ class Windows:
         ]
         return mesh.with_more(lengths[0], lengths[1])
 
-    def lacking(self, mesh: Mesh, errors: Array) -> Array:
+    def inner(self, mesh: Mesh) -> slice:
+        """The elements of the manoeuvre, and those before and after it until SHORT of the motion in the slowest zero is left."""
+        begin, end = self.problem.manoeuvre
+        before, after = (-np.log(SHORT) / self._slowest(side) for side in SIDES)
+        first = int(np.searchsorted(mesh.edges, begin - before, side="right")) - 1 if before > 0 else 0
+        last = int(np.searchsorted(mesh.edges, end + after)) if after > 0 else len(mesh)
+        return slice(max(first, 0), min(last, len(mesh)))
+
+    def lacking(self, mesh: Mesh, errors: Array, degrees: Array) -> Array:
         """How much further out the mesh should end on either side (2,) [s], where its tails are off by errors (2,).
 
-        These fall with the square of what is left where tails begin, or faster: a mesh that ends further out than it should is
-        cut by half of what the square would allow.
+        These fall with the power degrees + 1 (2,) of what is left where tails begin, or faster: a mesh that ends further out than
+        it should is cut by half of what that would allow.
         """
         begin, end = self.problem.manoeuvre
         reach, most = np.array([begin - mesh.edges[0], mesh.edges[-1] - end]), np.array([self._most(side) for side in SIDES])
         slowest = np.array([self._slowest(side) for side in SIDES])
-        further: Array = np.log(np.maximum(errors, np.finfo(float).tiny) / (MARGIN * self.accuracy)) / (2 * slowest)
+        further: Array = np.log(np.maximum(errors, np.finfo(float).tiny) / (MARGIN * self.accuracy)) / ((degrees + 1) * slowest)
         return np.asarray(np.clip(reach + np.maximum(further, further / 2), 0.0, most) - reach)
 
-    def longer(self, mesh: Mesh, errors: Array) -> Mesh | None:
+    def longer(self, mesh: Mesh, errors: Array, degrees: Array) -> Mesh | None:
         """The mesh with more elements where tails are off by more than the accuracy (2,); None where that is not so."""
-        lacking, more = np.where(errors > self.accuracy, self.lacking(mesh, errors), 0.0), []
+        lacking, more = np.where(errors > self.accuracy, self.lacking(mesh, errors, degrees), 0.0), []
         for side, inner, reach in zip(SIDES, mesh.lengths[[0, -1]], lacking, strict=True):
             more.append(self._outward(side, inner, reach, 1) if reach > EVEN * inner else np.zeros(0))
         return mesh.with_more(more[0], more[1]) if len(more[0]) + len(more[1]) else None
