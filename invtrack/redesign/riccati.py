@@ -57,14 +57,15 @@ class QuadraticCost:
         return one - departure + departure @ departure
 
     def hamiltonian(self, dearer: float) -> Array:
-        """[A_0, -B R^-1 B' / dearer; -Q_0, -A_0'] (2n, 2n), whose stable subspace is spanned by [1; P]: inputs made dearer.
+        """[A_0, -B R^-1 B' / s; -Q_0 / s, -A_0'] (2n, 2n), whose stable subspace is spanned by [1; P / s]: inputs dearer by s^2.
 
         A_0, Q_0: without the cross term, which the input -R^-1 N'x takes away whatever inputs cost.
         """
         W = self.inverse_weight()
         gain = W @ self.N.transposed
         A_0, Q_0 = (self.A - self.B @ gain).rounded, (self.Q - self.N @ gain).rounded
-        return np.block([[A_0, -(self.B @ W @ self.B.transposed).rounded / dearer], [-Q_0, -A_0.T]])
+        size = np.sqrt(dearer)
+        return np.block([[A_0, -(self.B @ W @ self.B.transposed).rounded / size], [-Q_0 / size, -A_0.T]])
 
     def residual(self, P: DoubleDouble, K: DoubleDouble) -> Array:
         """A_K'P + P A_K + Q - N K - K'N' + K'R K with A_K = A - B K: what the cost x'P x with the input -K x is off by."""
@@ -135,7 +136,7 @@ def _first_feedback(problem: QuadraticCost) -> tuple[DoubleDouble, DoubleDouble,
         _, Z, count = scipy.linalg.schur(problem.hamiltonian(dearer), sort="lhp")
         if count != n:
             continue
-        one_sided = np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T)
+        one_sided = np.sqrt(dearer) * np.linalg.solve(Z[:n, :n].T, Z[n:, :n].T)
         P = DoubleDouble.of((one_sided + one_sided.T) / 2)
         drive = W @ (problem.B.transposed @ P)
         K = DoubleDouble(drive.high / dearer, drive.low / dearer) + W @ problem.N.transposed
