@@ -8,7 +8,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -273,27 +272,19 @@ class PlantDynamics:
         Args:
             points, coefficients, lengths, steps: see `Dynamics.replay`.
         """
-        from invtrack.plant.native.controls import controls_in_python  # compiles
+        from invtrack.plant.native.polynomial_inputs import PolynomialInputs  # compiles
 
         model = self._smooth
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
-        data, nq, nv, addresses = self.plant.new_data(model), model.nq, model.nv, self.plant.input_addresses
-        powers = _powers(coefficients)
-        acting = SimpleNamespace(powers=powers[0], length=1.0)
-
-        def control() -> None:
-            share, value = data.time / acting.length, acting.powers[-1]
-            for power in acting.powers[-2::-1]:
-                value = value * share + power
-            data.ctrl[addresses] = value
-
+        data, nq, nv = self.plant.new_data(model), model.nq, model.nv
+        powers, inputs = _powers(coefficients), PolynomialInputs(data, self.plant.input_addresses, coefficients.shape[1])
         reached = np.empty((len(points), steps, points.shape[1]))
         outputs = np.empty((len(points), steps, len(self.plant.outputs)))
-        with self.plant.forces(model), controls_in_python(data, control):
+        with self.plant.forces(model), inputs.acting():
             for k, point in enumerate(points):
-                acting.powers, acting.length = powers[k], lengths[k]
+                inputs.begin(powers[k], lengths[k])
                 data.qpos[:], data.qvel[:], data.act[:] = np.split(point, [nq, nq + nv])
-                data.time, model.opt.timestep = 0.0, lengths[k] / steps
+                model.opt.timestep = lengths[k] / steps
                 for step in range(steps):
                     data.qacc_warmstart[:] = 0
                     mujoco.mj_step(model, data)

@@ -91,7 +91,7 @@ def modified_motion(
         progress: called with the share of the motion that has been found.
     """
     limits = checked_limits(accuracy, tolerance, max_preactuation, max_postactuation)
-    start, end, reference = problem.internal_at_start, problem.internal_at_end, problem.reference
+    start, end, reference = problem.internals[0], problem.internals[-1], problem.reference
     wish.require_known(start.zeros)
     moved, places = wish.named(start.zeros)
     require_movable(problem.linear_models[0], start, moved, interval=0, endless=False)

@@ -214,7 +214,7 @@ def _of_motions(model: Any, reference: PiecewiseSignal, **options: Any) -> tuple
     moving = mechanism(model)
     assert moving is not None  # as the caller knows
     problem, planned = motion_planner(moving, reference, **options)
-    return problem.internal_at_start.zeros, planned
+    return problem.internals[0].zeros, planned
 
 
 def _moves(names: ComplexArray, real_part: float) -> dict[complex, complex]:

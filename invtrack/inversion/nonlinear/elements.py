@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from invtrack.arrays import Array, Indices
+from invtrack.inversion.nonlinear.rest import Rest
 from invtrack.plans.dynamics import Derivatives, Dynamics
 from invtrack.plans.runge_kutta import CLASSICAL, RungeKutta, Steps, legendre
 
@@ -141,11 +142,8 @@ def element_maps(derivatives: Derivatives, scheme: Scheme, lengths: Array) -> El
     K = len(lengths)
     at_knots = [a.reshape(K, -1, *a.shape[1:]) for a in (derivatives.A, derivatives.B, derivatives.C, derivatives.D)]
     n, m = at_knots[1].shape[2:]
-    some = at_knots[0][:: max(1, K // LOOKED_AT), 0]
-    turned = float(np.max(np.abs(np.linalg.eigvals(some)), initial=0.0)) * float(np.max(lengths))
-    needed = int(np.ceil(turned / (STEP_ANGLE * 2 * scheme.count))) if np.isfinite(turned) else scheme.refinement
-    most = scheme.refinement if scheme.method is CLASSICAL else MOST_REFINED
-    rough, knots = replace(scheme, refinement=min(max(1, needed), most)), scheme.knots / scheme.steps
+    rough = _rough(scheme, at_knots[0][:: max(1, K // LOOKED_AT), 0], float(np.max(lengths)))
+    knots = scheme.knots / scheme.steps
     block = max(1, IN_CACHE // (n * (n + scheme.count * m)))
     parts = [slice(start, start + block) for start in range(0, K, block)]
 
@@ -157,6 +155,14 @@ def element_maps(derivatives: Derivatives, scheme: Scheme, lengths: Array) -> El
     with ThreadPoolExecutor(min(len(parts), os.cpu_count() or 1)) as pool:
         found = list(pool.map(work, parts))
     return ElementMaps(*(np.concatenate([getattr(maps, field.name) for maps in found]) for field in fields(ElementMaps)))
+
+
+def _rough(scheme: Scheme, A: Array, length: float) -> Scheme:
+    """Steps that follow the fastest mode of A (..., n, n) over elements of that length [s] as well as an iteration needs."""
+    turned = float(np.max(np.abs(np.linalg.eigvals(A)), initial=0.0)) * length
+    needed = int(np.ceil(turned / (STEP_ANGLE * 2 * scheme.count))) if np.isfinite(turned) else scheme.refinement
+    most = scheme.refinement if scheme.method is CLASSICAL else MOST_REFINED
+    return replace(scheme, refinement=min(max(1, needed), most))
 
 
 def _maps_of(at_knots: Sequence[Array], scheme: Scheme, spread: Array, lengths: Array) -> ElementMaps:
@@ -207,11 +213,32 @@ def _maps_of(at_knots: Sequence[Array], scheme: Scheme, spread: Array, lengths: 
     return ElementMaps(V[:, :, :n], V[:, :, n:], out_x.reshape(K, p * s, n), out_c.reshape(K, p * s, s * m))
 
 
-def map_at_rest(dynamics: Dynamics, point: Array, inputs: Array, scheme: Scheme, length: float) -> ElementMaps:
-    """Those of one element of that length [s] at an equilibrium."""
-    found = dynamics.derivatives(point[None], inputs[None])
-    repeated = Derivatives(*(np.repeat(a, len(scheme.knots), axis=0) for a in vars(found).values()))
-    return element_maps(repeated, scheme, np.array([length]))
+def map_at_rest(dynamics: Dynamics, rest: Rest, scheme: Scheme, length: float) -> ElementMaps:
+    """Those of one element of that length [s] at an equilibrium: like `element_maps` for A, B, C and D that do not change.
+
+    A step of classical RK4 then takes x to R x + G_0 u_0 + G_1 u_1 + G_2 u_2, with the inputs at its start, middle and end.
+    """
+    found = rest.derivatives(dynamics)
+    A, B, C, D = found.A[0], found.B[0], found.C[0], found.D[0]
+    rough = _rough(scheme, A, length)
+    (n, m), p, s, S = B.shape, len(C), scheme.count, rough.steps
+    h = length / S
+    hA = h * A
+    hB = h / 6 * B
+    AB = hA @ hB
+    AAB = hA @ AB
+    R = np.eye(n) + hA + hA @ hA / 2 + hA @ hA @ hA / 6 + hA @ hA @ hA @ hA / 24
+    G = np.stack([hB + AB + AAB / 2 + hA @ AAB / 4, 4 * hB + 2 * AB + AAB / 2, hB])
+    driven = np.einsum("kgi,gnm->knim", rough.basis[2 * np.arange(S)[:, None] + np.arange(3)], G).reshape(S, n, s * m)
+    V, out = np.hstack([np.eye(n), np.zeros((n, s * m))]), np.empty((p, s, n + s * m))
+    for step in range(S):
+        V = R @ V
+        V[:, n:] += driven[step]
+        for output, point in np.argwhere(rough.points == step + 1):
+            out[output, point] = C[output] @ V
+            out[output, point, n:] += np.outer(rough.basis[2 * step + 2], D[output]).ravel()
+    out = out.reshape(1, p * s, n + s * m)
+    return ElementMaps(V[None, :, :n], V[None, :, n:], out[:, :, :n], out[:, :, n:])
 
 
 def candidate_schemes(count: int, outputs: int) -> Sequence[Scheme]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg
@@ -121,11 +121,12 @@ class End:
     zeros: ComplexArray
     gap: float
     curved: Departure | None = None
+    _linear: dict[Side, Departure] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, dynamics: Dynamics, rest: Rest, scheme: Scheme, length: float, zeros: ComplexArray) -> End:
         """The end at an equilibrium, for elements of that length [s]. Raises LinAlgError where the input acts on no output."""
-        maps = map_at_rest(dynamics, rest.point, rest.inputs, scheme, length)
+        maps = map_at_rest(dynamics, rest, scheme, length)
         M, (scale, _) = scipy.linalg.matrix_balance(maps.exact[0], permute=False, separate=True)
         return cls(rest, length, M, scale, -maps.inverse[0][0], zeros, gap_of(M, zeros * length, scheme.count))
 
@@ -180,10 +181,12 @@ class End:
         """Motions about rest that die out away from a manoeuvre, on that side of it, but not within a few elements."""
         if self.curved is not None:
             return self.curved
-        split = self.split(self.lasting(side))
-        A = np.zeros((0, 0)) if len(split.T) == 0 else np.real(scipy.linalg.logm(split.T)) / self.length
-        U = self.inputs_of(A, self.inputs[: len(self.rest.inputs)] @ split.X)
-        return Departure(side, A, split.X, U, split.V, Powers(len(A), 1))
+        if side not in self._linear:
+            split = self.split(self.lasting(side))
+            A = np.zeros((0, 0)) if len(split.T) == 0 else np.real(scipy.linalg.logm(split.T)) / self.length
+            U = self.inputs_of(A, self.inputs[: len(self.rest.inputs)] @ split.X)
+            self._linear[side] = Departure(side, A, split.X, U, split.V, Powers(len(A), 1))
+        return self._linear[side]
 
     def inputs_of(self, A: Array, means: Array) -> Array:
         """U (m, K) for which U exp(A t) phi has the means (m, K) phi over an element, or, where inputs are held, in its middle."""
@@ -238,7 +241,7 @@ def _invariant(M: Array, *, expanding: bool) -> tuple[Array, Array]:
 
 def zeros_at(dynamics: Dynamics, rest: Rest) -> ComplexArray:
     """Invariant zeros [rad/s] of the linear model at an equilibrium, those of states that outputs do not show among them."""
-    found = dynamics.derivatives(rest.point[None], rest.inputs[None])
+    found = rest.derivatives(dynamics)
     return zeros(StateSpace(found.A[0], found.B[0], found.C[0], found.D[0]))
 
 

@@ -120,7 +120,7 @@ def _manifold(dynamics: Dynamics, end: End, scheme: Scheme, powers: Powers, spli
     w = powers.samples / growth  # what grows over an element stays within the radius
     phi = powers.values(w)
     to_powers, lifted = np.linalg.pinv(phi), powers.carried(N)
-    maps = map_at_rest(dynamics, end.rest.point, end.rest.inputs, scheme, end.length)
+    maps = map_at_rest(dynamics, end.rest, scheme, end.length)
     gain, end_c = maps.inverse[1][0], maps.end_c[0]
     coefficients = (w @ (end.inputs @ X).T).reshape(len(w), scheme.count, m)
     coefficients[:, 0] += end.rest.inputs

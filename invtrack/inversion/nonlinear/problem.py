@@ -15,7 +15,7 @@ from invtrack.arrays import Array, ComplexArray, finite_number, shown
 from invtrack.errors import BoundednessError, PlanError, RelativeDegreeError, TrajectoryError
 from invtrack.inversion.held_outputs import held_outputs
 from invtrack.inversion.nonlinear.ends import unstable, zeros_at
-from invtrack.inversion.nonlinear.rest import Rest, rest_with, rests_along
+from invtrack.inversion.nonlinear.rest import Rest, rest_at_end, rest_with
 from invtrack.inversion.smoothness import require_smooth
 from invtrack.linear.internal_dynamics import InternalDynamics, format_zeros, internal_dynamics
 from invtrack.linear.state_space import StateSpace
@@ -25,7 +25,7 @@ from invtrack.references.profiles import constant
 from invtrack.references.signal import PiecewiseSignal
 
 POSTURES = 33
-"""Postures at rest along the reference that lead from its start to its end."""
+"""Postures at rest along the reference that lead from its start to its end, at most."""
 
 AWAY = 1e-6
 """The operating point is an equilibrium where the nearest one is no further away (radians, metres, shares of inputs)."""
@@ -112,24 +112,21 @@ class MotionProblem:
         return tuple(each.linear_model(rest.point, rest.inputs) for each, rest in zip(owners, self.rests, strict=True))
 
     @cached_property
+    def internals(self) -> tuple[InternalDynamics, ...]:
+        """The internal dynamics of each of the linear models."""
+        return tuple(internal_dynamics(model) for model in self.linear_models)
+
+    @cached_property
     def zeros(self) -> tuple[ComplexArray, ...]:
-        """Invariant zeros at each of `rests` [rad/s]."""
-        return tuple(zeros_at(each, rest) for each, rest in zip(self.dynamics_of_rests, self.rests, strict=True))
-
-    @cached_property
-    def internal_at_start(self) -> InternalDynamics:
-        """The internal dynamics of the linear model at the start."""
-        return internal_dynamics(self.linear_models[0])
-
-    @cached_property
-    def internal_at_end(self) -> InternalDynamics:
-        """The same at the end."""
-        return internal_dynamics(self.linear_models[-1]) if len(self.rests) > 1 else self.internal_at_start
+        """Invariant zeros at each of `rests` [rad/s], those of coordinates that are no states of the linear models among them."""
+        whole = self.linear_models[0].n_states == self.last_dynamics.size
+        owners = zip(self.dynamics_of_rests, self.rests, strict=True)
+        return tuple(each.zeros for each in self.internals) if whole else tuple(zeros_at(each, rest) for each, rest in owners)
 
     @property
     def relative_degree(self) -> tuple[int, ...] | None:
         """Of each output at the start; None where there is no vector relative degree."""
-        return self.internal_at_start.form.relative_degree
+        return self.internals[0].form.relative_degree
 
     @property
     def dynamics_of_rests(self) -> tuple[Dynamics, ...]:
@@ -155,7 +152,7 @@ class MotionProblem:
     def with_stops(self, times: ArrayLike) -> MotionProblem:
         """The same with further stops [s]; what is known of its equilibria, in which these have no part, is kept."""
         other = replace(self, reference=self.reference.refined(times))
-        for name in ("linear_models", "zeros", "internal_at_start", "internal_at_end"):
+        for name in ("linear_models", "zeros", "internals"):
             if name in self.__dict__:
                 other.__dict__[name] = self.__dict__[name]
         return other
@@ -163,7 +160,7 @@ class MotionProblem:
     def _require_smooth(self) -> None:
         model = self.linear_models[0]
         deviation = self.reference + constant(-model.operating_point.y0, at=self.reference.manoeuvre[0])
-        require_smooth(as_switched(model), [self.internal_at_start], deviation)
+        require_smooth(as_switched(model), [self.internals[0]], deviation)
 
     def _require_same_zeros(self) -> None:
         counts = [unstable(found, _pace(model)) for found, model in zip(self.zeros, self.linear_models, strict=True)]
@@ -260,16 +257,13 @@ def _rest_at(mechanism: Mechanism, dynamics: Dynamics, reference: PiecewiseSigna
         start: the posture that it leads from.
         begin, until: from when to when it leads [s].
     """
-    times = np.linspace(begin, until, POSTURES)
-    path = reference(times)
-    near = rest_with(dynamics, path[0], start) or start
-    found = rests_along(dynamics, path, near)
-    last = found[-1]
+
+    path = reference(np.linspace(begin, until, POSTURES))
+    last, followed = rest_at_end(dynamics, path, start)
     if last is None:
-        where = next((k for k in range(POSTURES) if found[k] is None), POSTURES - 1)
         raise PlanError(
             f"plant {mechanism.name!r} has no equilibrium near the motion with the outputs {path[-1].tolist()} of "
-            f"t = {until:.6g} s: followed along the reference, equilibria end at {path[max(where - 1, 0)].tolist()}; "
+            f"t = {until:.6g} s: followed along the reference, equilibria end at {path[followed].tolist()}; "
             f"invtrack.trim(plant, outputs={np.round(path[-1], 6).tolist()}) says why"
         )
     return last

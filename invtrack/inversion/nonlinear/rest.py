@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg
 
 from invtrack.arrays import Array
-from invtrack.plans.dynamics import Dynamics
+from invtrack.plans.dynamics import Derivatives, Dynamics
 
 ITERATIONS = 30
 
@@ -21,6 +22,12 @@ RESIDUAL = 1e-9
 ROUNDING = 1e-12
 """Where no more is left, as a share of the terms that cancel, a step that does not reduce it shows that it is rounding."""
 
+MOST_ROWS = 8
+"""Of a path that is followed from equilibrium to equilibrium, at once."""
+
+STRAIGHT = 0.1
+"""Equilibria lie as foretold where they are off by no more than this share of the way from the last one."""
+
 CUT = 1e-9
 """Singular values below this share of the largest are directions that the conditions leave open."""
 
@@ -32,6 +39,15 @@ class Rest:
     point: Array
     inputs: Array
     residual: float
+    _derivatives: list[tuple[Dynamics, Derivatives]] = field(default_factory=list, repr=False)
+
+    def derivatives(self, dynamics: Dynamics) -> Derivatives:
+        """Of the dynamics there, one state and input."""
+        for known, found in self._derivatives:
+            if known is dynamics:
+                return found
+        self._derivatives.append((dynamics, dynamics.derivatives(self.point[None], self.inputs[None])))
+        return self._derivatives[-1][1]
 
 
 def rest_with(dynamics: Dynamics, outputs: Array, near: Rest) -> Rest | None:
@@ -78,6 +94,49 @@ def rests_along(dynamics: Dynamics, outputs: Array, near: Rest) -> list[Rest | N
         near = near if rest is None else rest
         found.append(rest)
     return found
+
+
+def rest_at_end(dynamics: Dynamics, path: Array, near: Rest) -> tuple[Rest | None, int]:
+    """The equilibrium at the end of a path of outputs, to which that near its start leads; and to which row it is followed.
+
+    From row to row; rows are left out where equilibria lie as the line through the last two foretells.
+
+    Args:
+        dynamics: of which.
+        path: outputs along it (k, p).
+        near: an equilibrium near that with the first of them.
+    """
+    begin = rest_with(dynamics, path[0], near)
+    found, step, last = [(0, begin or near)], 1, len(path) - 1
+    while found[-1][0] < last:
+        row = min(last, found[-1][0] + step)
+        guess = _foretold(dynamics, found, row)
+        rest = rest_with(dynamics, path[row], guess)
+        if rest is None and step == 1:
+            return None, found[-1][0]
+        if rest is None:
+            step = 1
+            continue
+        straight = _apart(dynamics, rest, guess) <= STRAIGHT * _apart(dynamics, rest, found[-1][1])
+        step = min(2 * step, MOST_ROWS) if straight else 1
+        found = [found[-1], (row, rest)]
+    return found[-1][1], last
+
+
+def _foretold(dynamics: Dynamics, found: Sequence[tuple[int, Rest]], row: int) -> Rest:
+    """Where the line through the last two leads, at a row of the path."""
+    if len(found) < 2:
+        return found[-1][1]
+    (a, old), (b, new) = found
+    ratio = (row - b) / (b - a)
+    moved = ratio * dynamics.difference(new.point[None], old.point[None])
+    return Rest(dynamics.retract(new.point[None], moved)[0], new.inputs + ratio * (new.inputs - old.inputs), new.residual)
+
+
+def _apart(dynamics: Dynamics, one: Rest, other: Rest) -> float:
+    """Distance of two equilibria, inputs as shares of their size."""
+    inputs = (one.inputs - other.inputs) / np.maximum(1.0, np.abs(one.inputs))
+    return float(np.linalg.norm(np.concatenate([dynamics.difference(one.point[None], other.point[None])[0], inputs])))
 
 
 def _largest(J: Array, axis: int) -> Array:

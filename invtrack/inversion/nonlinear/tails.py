@@ -69,7 +69,7 @@ def tail_errors(problem: MotionProblem, shooting: Shooting, motion: Motion, *, k
 
 def _unrest(outside: Outside, sizes: Array) -> float:
     """Rates of change of what a tail holds, as shares of what states of these sizes (n,) would make of them."""
-    A = outside.dynamics.derivatives(outside.rest.point[None], outside.rest.inputs[None]).A[0]
+    A = outside.rest.derivatives(outside.dynamics).A[0]
     rates, terms = np.abs(A @ outside.tail.held[: len(A)]), np.abs(A) @ sizes
     return float(np.max(rates / np.where(terms > 0, terms, 1.0)))
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import mujoco
@@ -11,8 +10,6 @@ import numpy as np
 
 from invtrack.plant.native.pointers import call, callback, integers, registered, symbol
 from invtrack.plant.native.slots import CONTROL
-
-_C_FUNCTION = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 
 _table = symbol("invtrack_control_slots", CONTROL.address)
 
@@ -42,22 +39,3 @@ def controls(data: mujoco.MjData, function: int, argument: int = 0) -> Iterator[
     pair = np.array([function, argument], dtype=np.int64)
     with CONTROL.block(data._address, int(pair.ctypes.data)):
         yield
-
-
-@contextmanager
-def controls_in_python(data: mujoco.MjData, function: Callable[[], None]) -> Iterator[None]:
-    """The same with a function in Python, whose first exception is raised at the end of the block."""
-    failures: list[BaseException] = []
-
-    def guarded(_argument: int) -> None:
-        try:
-            if not failures:
-                function()
-        except BaseException as failure:  # C cannot pass it on
-            failures.append(failure)
-
-    kept = _C_FUNCTION(guarded)
-    with controls(data, ctypes.cast(kept, ctypes.c_void_p).value or 0):
-        yield
-    if failures:
-        raise failures[0]

@@ -12,7 +12,7 @@ from invtrack.inversion.nonlinear import choice as choosing
 from invtrack.inversion.nonlinear import ends
 from invtrack.inversion.nonlinear.bend import Bumps
 from invtrack.inversion.nonlinear.boundary_value import TwoPointProblem
-from invtrack.inversion.nonlinear.elements import Scheme, map_at_rest
+from invtrack.inversion.nonlinear.elements import Scheme, element_maps, map_at_rest
 from invtrack.inversion.nonlinear.ends import End
 from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.inversion.nonlinear.rest import Rest, rest_with
@@ -29,7 +29,7 @@ def at_rest(plant: invtrack.Plant) -> tuple[Dynamics, Rest]:
 
 def multipliers(plant: invtrack.Plant, scheme: Scheme, length: float) -> np.ndarray:
     dynamics, rest = at_rest(plant)
-    return np.linalg.eigvals(map_at_rest(dynamics, rest.point, rest.inputs, scheme, length).exact[0])
+    return np.linalg.eigvals(map_at_rest(dynamics, rest, scheme, length).exact[0])
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])
@@ -38,6 +38,16 @@ def test_slow_zeros_show_as_their_exponentials(count: int) -> None:
     found = multipliers(plant, Scheme(count, (False,)), length)
     for zero in invtrack.linear.zeros(invtrack.linearize(plant)):
         assert np.min(np.abs(found - np.exp(zero * length))) < 1e-4 * length
+
+
+@pytest.mark.parametrize("scheme", [Scheme(1, (False, True)), Scheme(4, (True, False), refinement=3)])
+def test_an_element_at_rest_is_one_along_a_motion_that_does_not_move(scheme: Scheme) -> None:
+    dynamics, rest = at_rest(pvtol())
+    found = dynamics.derivatives(*(np.repeat(a[None], len(scheme.knots), axis=0) for a in (rest.point, rest.inputs)))
+    along, still = element_maps(found, scheme, np.array([0.03])), map_at_rest(dynamics, rest, scheme, 0.03)
+    for name in ("end_x", "end_c", "out_x", "out_c"):
+        wanted = getattr(along, name)
+        np.testing.assert_allclose(getattr(still, name), wanted, rtol=0, atol=1e-13 * np.max(np.abs(wanted)))
 
 
 @pytest.mark.parametrize("count", [1, 4])
