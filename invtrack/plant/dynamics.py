@@ -261,7 +261,7 @@ class PlantDynamics:
         data, nq, nv = self.plant.new_data(model), model.nq, model.nv
         with self.plant.forces(model):
             for point, u in zip(points, inputs, strict=True):
-                data.qpos[:], data.qvel[:], data.act[:] = np.split(point, [nq, nq + nv])
+                data.qpos[:], data.qvel[:], data.act[:] = point[:nq], point[nq : nq + nv], point[nq + nv :]
                 data.ctrl[self.plant.input_addresses] = u
                 mujoco.mj_forward(model, data)
                 refuse_constraints(model, data)
@@ -283,7 +283,7 @@ class PlantDynamics:
         with self.plant.forces(model), inputs.acting():
             for k, point in enumerate(points):
                 inputs.begin(powers[k], lengths[k])
-                data.qpos[:], data.qvel[:], data.act[:] = np.split(point, [nq, nq + nv])
+                data.qpos[:], data.qvel[:], data.act[:] = point[:nq], point[nq : nq + nv], point[nq + nv :]
                 model.opt.timestep = lengths[k] / steps
                 for step in range(steps):
                     data.qacc_warmstart[:] = 0
