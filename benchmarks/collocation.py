@@ -46,7 +46,7 @@ OURS: dict[str, dict[str, float]] = {
     "invtrack, nodes within 0.8 s": {"max_preactuation": 0.8, "max_postactuation": 0.8},
     "invtrack, nodes within 0.4 s": {"max_preactuation": 0.4, "max_postactuation": 0.4},
     "invtrack, for the hold": {"hold": STEP},
-    "invtrack, for the hold, within 0.8 s": {"hold": STEP, "max_preactuation": 0.8, "max_postactuation": 0.8},
+    "invtrack, for the hold, within 0.4 s": {"hold": STEP, "max_preactuation": 0.4, "max_postactuation": 0.4},
 }
 """Options of `invert`; outside of their nodes plans go on along their tails."""
 
