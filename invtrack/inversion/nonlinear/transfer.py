@@ -11,7 +11,7 @@ from invtrack.inversion.nonlinear.mesh import Mesh
 from invtrack.inversion.nonlinear.rest import Rest
 from invtrack.inversion.nonlinear.shooting import ElementChain, Motion
 from invtrack.plans.dynamics import Dynamics
-from invtrack.plans.runge_kutta import legendre
+from invtrack.plans.runge_kutta import Steps, legendre
 from invtrack.plans.tail import Tail
 
 QUADRATURE = 4
@@ -57,17 +57,20 @@ class Known:
         return Motion(self._points(mesh.edges), self._coefficients(mesh, count), self.motion.bend)
 
     def _points(self, times: Array) -> Array:
-        """States (k, .) at times (k,) [s]: integrated from the nodes before them."""
-        mesh, motion = self.shooting.mesh, self.motion
+        """States (k, .) at times (k,) [s]: a step of integration, or less, from the nodes before them."""
+        mesh, motion, scheme = self.shooting.mesh, self.motion, self.shooting.scheme
         own, share = self._located(times)
         result = motion.points[own].copy()
-        partly = np.flatnonzero(share > 0)
+        partly, one = np.flatnonzero(share > 0), Steps(scheme.method, 1, scheme.count)
+        nodes = self.shooting.nodes(motion) if len(partly) else np.zeros(0)
         for k in np.unique(mesh.interval[own[partly]]):
             within = partly[mesh.interval[own[partly]] == k]
-            elements, parts = own[within], share[within]
-            inputs, lengths = _begun(motion.coefficients[elements], parts), parts * mesh.lengths[elements]
-            nodes = self.shooting.dynamics[k].motion(motion.points[elements], inputs, self.shooting.scheme.integration, lengths)
-            result[within] = nodes[:, -1]
+            elements, shares = own[within], share[within]
+            passed = np.minimum((shares * scheme.steps).astype(np.intp), scheme.steps - 1)
+            begins = passed / scheme.steps
+            inputs = _between(motion.coefficients[elements], begins, shares)
+            lengths = (shares - begins) * mesh.lengths[elements]
+            result[within] = self.shooting.dynamics[k].motion(nodes[elements, passed], inputs, one, lengths)[:, -1]
         for outside, chosen, distance in self._beyond(times):
             result[chosen] = outside.points(distance)
         return result
@@ -106,9 +109,10 @@ class Known:
         return [(outside, chosen, d[chosen]) for (outside, chosen), d in zip(found, distances, strict=True) if len(chosen)]
 
 
-def _begun(coefficients: Array, shares: Array) -> Array:
-    """Those of the same polynomials on the first shares (k,) of their elements (k, s, m)."""
+def _between(coefficients: Array, begins: Array, ends: Array) -> Array:
+    """Those of the same polynomials between two shares (k,) of their elements (k, s, m)."""
     count = coefficients.shape[1]
     samples = (np.polynomial.legendre.leggauss(count)[0] + 1) / 2
-    within = legendre(count, (shares[:, None] * samples).ravel()).reshape(len(shares), count, count)
+    shares = begins[:, None] + (ends - begins)[:, None] * samples
+    within = legendre(count, shares.ravel()).reshape(len(begins), count, count)
     return np.linalg.solve(legendre(count, samples), np.einsum("kji,kim->kjm", within, coefficients))
