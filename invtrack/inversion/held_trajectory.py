@@ -2,45 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
 
 from invtrack.arrays import Array
-from invtrack.errors import NonHyperbolicError, PlanError
-from invtrack.inversion.nonlinear.ends import End
-from invtrack.inversion.nonlinear.mesh import Mesh
+from invtrack.errors import NonHyperbolicError
+from invtrack.inversion.held_end import HeldEnd
+from invtrack.inversion.held_motion import HeldMotion
 from invtrack.linear.internal_dynamics import NOT_UNIQUE, format_zeros
 from invtrack.linear.propagation import Propagator
 from invtrack.linear.state_space import StateSpace
 from invtrack.linear.switched import SwitchedSystem
+from invtrack.linear.zeros import zeros
 from invtrack.plans.certificate import ACCURACY
-from invtrack.plans.tail import SIDES, Side, Tail
+from invtrack.plans.tail import Tail
 from invtrack.plans.trajectory import Trajectory, TwoSidedSegments
 from invtrack.plans.two_sided import DrivenSystem, Part, TwoSidedSystem
 
-ON_AXIS = 1e-6
-"""A zero is on the imaginary axis where its rate times the hold is below this."""
 
-
-@dataclass(frozen=True, eq=False)
-class HeldMotion:
-    """States x (N + 1, n) at the edges of N holds and inputs u (N, m) over them, from the first interval's x0 and absolute."""
-
-    mesh: Mesh
-    x: Array
-    u: Array
-
-
-def trajectory_of_holds(
-    plant: SwitchedSystem, motion: HeldMotion, ends: tuple[End, End], rests: Sequence[tuple[Array, Array]]
-) -> Trajectory:
+def trajectory_of_holds(plant: SwitchedSystem, motion: HeldMotion, ends: tuple[HeldEnd, HeldEnd]) -> Trajectory:
     """[x; u; y] as deviations from each interval's rest: x carried over each hold by the plant itself.
 
-    Args:
-        plant, motion: the plant, and what was found.
-        ends, rests: conditions before and after, and state and input held there, as deviations from the interval's rest.
+    plant, motion: the plant, and what was found; ends: conditions before and after.
     """
     mesh = motion.mesh
     x, u = motion.x[:-1] - plant.rest_states[mesh.interval], motion.u - plant.rest_inputs[mesh.interval]
@@ -50,19 +32,10 @@ def trajectory_of_holds(
         chosen = np.flatnonzero(group == k)
         number[chosen] = np.arange(len(chosen))
         groups.append(TwoSidedSegments(_held_system(system), np.hstack([x[chosen], u[chosen]]), u[chosen]))
-    size = np.max(np.abs(x), axis=0)
-    size = np.where(size > 0, size, np.max(size, initial=np.finfo(float).tiny))
-    before, after = (
-        _tail(system, x, end, rest, side, size)
-        for system, x, end, rest, side in zip(
-            (plant.systems[0], plant.systems[-1]),
-            (x[0], motion.x[-1] - plant.rest_states[-1]),
-            ends,
-            rests,
-            SIDES,
-            strict=True,
-        )
-    )
+    peaks = np.max(np.abs(x), axis=0)
+    moved = np.where(peaks > 0, peaks, np.max(peaks, initial=np.finfo(float).tiny)) / (mesh.edges[-1] - mesh.edges[0])
+    last = motion.x[-1] - plant.rest_states[-1]
+    before, after = _tail(plant.systems[0], x[0], ends[0], -1, moved), _tail(plant.systems[-1], last, ends[1], 1, moved)
     return Trajectory(mesh.edges, tuple(groups), group, number, before, after)
 
 
@@ -75,31 +48,28 @@ def _held_system(system: StateSpace) -> DrivenSystem:
     return DrivenSystem(parts, np.zeros((m, m)), system.B, np.zeros((0, m)), X_w, np.zeros((n, m)))
 
 
-def _tail(system: StateSpace, x: Array, end: End, rest: tuple[Array, Array], side: Side, size: Array) -> Tail:
-    """How the plan leaves rest, or comes back to it, beyond holds. Raises NonHyperbolicError or PlanError where it does not.
+def _tail(system: StateSpace, x: Array, end: HeldEnd, direction: int, moved: Array) -> Tail:
+    """How the plan leaves rest, or comes back to it, beyond holds. Raises NonHyperbolicError where it does not.
 
     Args:
-        system, x: of that end, and the state at the edge as deviation from its rest.
-        end, rest: conditions, and state and input that are held.
-        side: of the manoeuvre.
-        size: peaks of the states (n,).
+        system, x: of that end, and the state at the edge as deviation from its interval's rest.
+        end: conditions.
+        direction: -1 before the manoeuvre, 1 after it.
+        moved: rates (n,) at which states move by their peaks within the manoeuvre [1/s].
     """
-    departure = end.departure(side)
-    v = departure.V @ (x - rest[0])
-    left = x - rest[0] - departure.X @ v
-    moving = end.scale * (end.M @ (left / end.scale)) - left
-    if np.max(np.abs(moving) / size, initial=0.0) > ACCURACY:
-        on_axis = end.zeros[np.abs(end.zeros.real) * end.length < ON_AXIS]
-        if len(on_axis):
-            raise NonHyperbolicError(
-                f"the motion does not come to rest: some of it is left in zeros on the imaginary axis ({format_zeros(on_axis)}), "
-                f"{NOT_UNIQUE}; damp them, track another output, or choose a reference that leaves them at rest"
-            )
-        raise PlanError(
-            "the motion for held inputs does not come to rest: its two-point problem is too ill-conditioned; look for states or "
-            "inputs in badly chosen units, or nearly dependent outputs"
+    departure, neutral, (rest_x, rest_u) = end.departure, end.neutral, end.rest
+    left = neutral.Z @ (x - rest_x)
+    if np.max(np.abs(neutral.X @ (neutral.T @ left)) / moved, initial=0.0) > ACCURACY:
+        found = zeros(system)
+        nearest = np.argmin(np.abs(np.linalg.eigvals(neutral.T)[:, None] - found), axis=1)
+        listed = format_zeros(found[np.unique(nearest)])
+        raise NonHyperbolicError(
+            f"the motion for inputs held for {end.element.length:.3g} s does not come to rest: some of it is left in zeros on the "
+            f"imaginary axis, or as good as on it for such holds ({listed}), {NOT_UNIQUE}; damp them, track another output, choose "
+            "a reference that leaves them at rest, or, where it does but for the holds, shorter ones"
         )
-    direction = -1 if side == "before" else 1
     rows = np.vstack([departure.X, departure.U, system.C @ departure.X + system.D @ departure.U])
-    held = np.concatenate([rest[0] + left, rest[1], system.C @ (rest[0] + left) + system.D @ rest[1]])
-    return Tail(direction, Propagator(direction * departure.A), rows, v, np.zeros((1, 1)), held[:, None], np.ones(1))
+    held_x, held_u = rest_x + neutral.X @ left, rest_u + neutral.U @ left
+    held = np.concatenate([held_x, held_u, system.C @ held_x + system.D @ held_u])
+    v = departure.Z @ (x - rest_x)
+    return Tail(direction, Propagator(direction * departure.T), rows, v, np.zeros((1, 1)), held[:, None], np.ones(1))

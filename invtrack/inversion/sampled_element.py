@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
-from invtrack.arrays import Array, ComplexArray
+from invtrack.arrays import Array
+from invtrack.inversion.hold_coordinates import HoldCoordinates
+from invtrack.inversion.hold_response import HoldResponse
 from invtrack.inversion.nonlinear.elements import ElementMaps
-from invtrack.inversion.nonlinear.ends import End, gap_of
-from invtrack.inversion.nonlinear.rest import Rest
-from invtrack.linear.propagation import zero_order_hold
-from invtrack.linear.state_space import StateSpace
 
 LEAST_GAP = 0.3
 """Least |log |lambda|| of the modes of the sampled inverse that stand for no zero with which it is taken."""
@@ -20,37 +18,47 @@ LEAST_GAP = 0.3
 
 @dataclass(frozen=True, eq=False)
 class SampledElement:
-    """x_end = exact x + push y_d, u = gain y_d - back x for the state x at the start of a hold and outputs y_d met within it.
+    """q_end = exact q + push y_d, u = gain y_d - back q for the state q at the start of a hold and outputs y_d met within it.
 
     Args:
+        coordinates: in which the state is q.
         length: of the hold [s].
         shares: of it after which each output is met (p,).
+        responses: of the state after each of these shares, and at the end.
         exact, push: (n, n) and (n, p).
         back, gain: (m, n) and (m, p).
     """
 
+    coordinates: HoldCoordinates
     length: float
     shares: Array
+    responses: Mapping[float, HoldResponse]
     exact: Array
     push: Array
     back: Array
     gain: Array
 
     @classmethod
-    def of(cls, system: StateSpace, length: float, at_end: tuple[bool, ...]) -> SampledElement:
+    def of(cls, coordinates: HoldCoordinates, length: float, at_end: tuple[bool, ...]) -> SampledElement:
         """The element, each output met at its end or in its middle. Raises LinAlgError where the input acts on no output in it."""
+        A, B, C, D = coordinates.A, coordinates.B, coordinates.C, coordinates.D
         shares = np.where(at_end, 1.0, 0.5)
-        A_d, B_d = zero_order_hold(system.A, system.B, length)
-        sampled = {share: zero_order_hold(system.A, system.B, share * length) for share in np.unique(shares).tolist()}
-        out_x = np.array([system.C[i] @ sampled[share][0] for i, share in enumerate(shares.tolist())])
-        out_u = np.array([system.C[i] @ sampled[share][1] + system.D[i] for i, share in enumerate(shares.tolist())])
-        maps = ElementMaps(A_d[None], B_d[None], out_x[None], out_u[None])
+        responses = {share: HoldResponse.of(A, B, length, share) for share in (1.0, *shares.tolist())}
+        out_q = np.array([C[i] @ responses[share].start for i, share in enumerate(shares.tolist())])
+        out_u = np.array([C[i] @ responses[share].held + D[i] for i, share in enumerate(shares.tolist())])
+        end = responses[1.0]
+        maps = ElementMaps(end.start[None], end.held[None], out_q[None], out_u[None])
         back, gain = (each[0] for each in maps.inverse)
-        return cls(length, shares, maps.exact[0], B_d @ gain, back, gain)
+        return cls(coordinates, length, shares, responses, maps.exact[0], end.held @ gain, back, gain)
 
-    def end(self, zeros: ComplexArray) -> End:
-        """Conditions before or after elements like this one, zeros [rad/s] being the plant's."""
-        n, m = self.push.shape[0], self.back.shape[0]
-        M, (scale, _) = scipy.linalg.matrix_balance(self.exact, permute=False, separate=True)
-        rest = Rest(np.zeros(n), np.zeros(m), 0.0)
-        return End(rest, self.length, M, scale, -self.back, zeros, gap_of(M, zeros * self.length, 1))
+    def lasting(self, length: float) -> SampledElement:
+        """The same for a hold of another length [s]. Raises LinAlgError where the input acts on no output in it."""
+        return self.of(self.coordinates, length, tuple((self.shares == 1.0).tolist()))
+
+    def changes(self, departure: Array) -> tuple[Array, Array]:
+        """Of q at the end (k, n), and of each output where it is met (k, p), by departures (6, k, m) of k inputs at the nodes."""
+        C, D, n = self.coordinates.C, self.coordinates.D, len(self.exact)
+        outputs = [
+            self.responses[share].change(C[i : i + 1], D[i : i + 1], departure) for i, share in enumerate(self.shares.tolist())
+        ]
+        return self.responses[1.0].change(np.eye(n), np.zeros((n, D.shape[1])), departure), np.hstack(outputs)
