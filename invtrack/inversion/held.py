@@ -42,6 +42,9 @@ LOOKED_AT = (0.25, 0.5, 0.75, 1.0)
 AS_FAST = (0.5, 50.0)
 """Zeros z with |z| times the hold between these are about as fast as the holds."""
 
+MOST_MISSED = 0.1
+"""A plan whose outputs miss by more than this share of their motion between the points where they are met is none."""
+
 MOST_HOLDS = 200_000
 """Holds that are planned, at most."""
 
@@ -79,6 +82,7 @@ def held_inverse(problem: PlanningProblem, hold: float) -> Plan:
     trajectory = trajectory_of_holds(plant, motion, ends)
     certificate, missed = _certified(problem, motion, trajectory, elements)
     replace(certificate, output_error=missed).require(exact=problem.asks_for_motion, method="stable inversion for a hold")
+    _require_followed(hold, certificate)
     method = "stable inversion for a zero-order hold"
     plan: Plan = problem.plan(method, trajectory, exact=False, remarks=(held_remark(hold, certificate),), certificate=certificate)
     return in_whole_holds(plan, hold)
@@ -90,6 +94,17 @@ def _require_square(plant: SwitchedSystem) -> None:
             f"a plan for a zero-order hold needs as many inputs as outputs, got {plant.n_inputs} inputs {list(plant.inputs.names)} "
             f"for {plant.n_outputs} output(s) {list(plant.outputs.names)}; leave inputs out (StateSpace.with_inputs), or plan "
             "without hold: then the controller holds the mean of a continuous input"
+        )
+
+
+def _require_followed(hold: float, certificate: Certificate) -> None:
+    """Raises PlanError where outputs are far off between the points at which they are met."""
+    if certificate.output_error > MOST_MISSED:
+        raise PlanError(
+            f"inputs held over {hold:g} s do not make the outputs follow: met once in each hold, these miss by "
+            f"{certificate.output_error:.2g} of their motion in between. Shorter holds help where the motion is about as fast as they "
+            "are; where parameters jump so that no continuous state keeps the outputs, as `invert` without hold then says, none do: "
+            "use quadratic_redesign, which spreads the error"
         )
 
 

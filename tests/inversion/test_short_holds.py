@@ -7,7 +7,7 @@ import pytest
 
 import invtrack
 from invtrack import StateSpace, SwitchedSystem
-from invtrack.errors import NonHyperbolicError
+from invtrack.errors import CompatibilityError, NonHyperbolicError, PlanError
 from invtrack.linear import zeros
 from invtrack.references import stack
 from tests.inversion.test_held import BOTH, CHAIN, TWO_DISC, cantilever, slew
@@ -125,3 +125,13 @@ def test_zeros_that_are_hardly_damped_and_no_longer_slow(zero: float) -> None:
     model = plant_with(np.random.default_rng(4), [2], block(complex(1e-3, zero), complex(-1e-3, zero), -0.5))
     reference = invtrack.rest_to_rest(0.0, 1.0, duration=20.0, smoothness=4)
     assert missed(model, reference, 1.0) < 1e-10
+
+
+def test_outputs_that_jump_with_the_parameters_are_refused() -> None:
+    """The sum of place and half the speed becomes the place: no state is continuous and keeps both, held or not."""
+    A, B = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, -4.0, -1.0]]), np.array([[0.0], [0.0], [1.0]])
+    model = SwitchedSystem([StateSpace(A, B, [[1.0, 0.5, 0.0]]), StateSpace(A, B, [[1.0, 0.0, 0.0]])], [1.0])
+    with pytest.raises(CompatibilityError):
+        invtrack.invert(model, slew())
+    with pytest.raises(PlanError, match=r"miss by .* of their motion in between.*no continuous state"):
+        invtrack.invert(model, slew(), hold=1e-2)
