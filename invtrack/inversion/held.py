@@ -102,9 +102,9 @@ def _require_followed(hold: float, certificate: Certificate) -> None:
     if certificate.output_error > MOST_MISSED:
         raise PlanError(
             f"inputs held over {hold:g} s do not make the outputs follow: met once in each hold, these miss by "
-            f"{certificate.output_error:.2g} of their motion in between. Try shorter holds; where that makes it no better, parameters "
-            "jump so that no continuous state keeps the outputs, as `invert` without hold then says: use quadratic_redesign, which "
-            "spreads the error"
+            f"{certificate.output_error:.2g} of their motion in between. Try shorter holds; where that makes it no better, "
+            "parameters jump so that no continuous state keeps the outputs, as `invert` without hold then says: use "
+            "quadratic_redesign, which spreads the error"
         )
 
 
