@@ -63,6 +63,8 @@ class RecurringTransitions:
     def recurring(self, distances: Array) -> Recurring | None:
         """Which of the distances (m,) recur, None for too few of them; those that recur in this call are remembered."""
         q = len(self._powers.matrix)
+        if not len(self._distances) and len(distances) < max(OFTEN, q):
+            return None
         nearest = self._nearest(distances)
         left = np.flatnonzero(~nearest.near)[:SAMPLE]
         if len(left) >= OFTEN and len(distances) >= max(OFTEN, q) and len(self._distances) < self._most:

@@ -30,13 +30,15 @@ def balancing_scale(M: Array, *, within_parts: bool = False) -> Array:
     both ways are scaled against each other. A triangular matrix can otherwise be brought as close to its diagonal as one likes, to
     coordinates in which its small entries drown in the rounding of the large ones.
     """
-    if not M.size:
-        return np.ones(0)
+    if len(M) < 2:
+        return np.ones(len(M))
     part = parts(M)
     inner = np.where(part[:, None] == part, M, 0.0)
     _, _, _, scale, _ = scipy.linalg.lapack.dgebal(inner if within_parts else M, scale=1, permute=0)
     exponent = np.log2(scale) + _smoothed(inner * scale / scale[:, None])
-    return np.asarray(np.clip(np.exp2(np.rint(exponent - np.median(exponent))), 1 / LARGEST_SCALE, LARGEST_SCALE))
+    ordered = np.sort(exponent)
+    median = (ordered[(len(M) - 1) // 2] + ordered[len(M) // 2]) / 2
+    return np.asarray(np.minimum(np.maximum(np.exp2(np.rint(exponent - median)), 1 / LARGEST_SCALE), LARGEST_SCALE))
 
 
 def _smoothed(M: Array) -> Array:
@@ -47,20 +49,21 @@ def _smoothed(M: Array) -> Array:
     """
     size = np.abs(M)
     np.fill_diagonal(size, 0.0)
-    if not np.any(size):
+    largest = size.max()
+    if largest == 0:
         return np.zeros(len(M))
     with np.errstate(divide="ignore"):
-        logarithm = 2 * np.log(size / np.max(size))
-    x = np.zeros(len(M))
+        logarithm = 2 * np.log(size / largest)
+    x, unit_diagonal = np.zeros(len(M)), (1 + SINGULAR) * np.eye(len(M))
     for _ in range(NEWTON_STEPS):
         squares = np.exp(np.minimum(logarithm + 2 * (x - x[:, None]), LARGEST_LOGARITHM))
         both = squares + squares.T
         diagonal: Array = np.sqrt(both.sum(axis=0))
         root = np.where(diagonal > 0, diagonal, 1.0)
-        hessian = (1 + SINGULAR) * np.eye(len(M)) - both / root / root[:, None]  # of unit diagonal; singular: scales of whole parts
+        hessian = unit_diagonal - both / root / root[:, None]  # singular: scales of whole parts
         step = -0.5 * np.linalg.solve(hessian, (squares.sum(axis=0) - squares.sum(axis=1)) / root) / root
-        x += np.clip(step, -1.0, 1.0)
-        if np.max(np.abs(step)) < SMALL_STEP:
+        x += np.minimum(np.maximum(step, -1.0), 1.0)
+        if np.abs(step).max() < SMALL_STEP:
             break
     return np.asarray(x / np.log(2))
 
@@ -68,7 +71,7 @@ def _smoothed(M: Array) -> Array:
 def parts(M: Array, *, one_way: bool = False) -> Indices:
     """The part that each index is in (q,): indices of a part act on each other, however weakly, both ways or one way."""
     pattern = M != 0
-    if np.all(pattern):
+    if pattern.all():
         return np.zeros(len(M), dtype=np.intp)
     if len(M) > SMALL:
         graph = scipy.sparse.csr_array(pattern)  # of a dense matrix, scipy takes entries below 1e-8 for none

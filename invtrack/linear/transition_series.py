@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -36,6 +37,9 @@ CHUNK_ENTRIES = 2**17
 ENTRYWISE = 4
 """How much longer an entry takes in a sum of arrays than in a product of matrices."""
 
+ONE_BY_ONE = 16
+"""Up to so many nodes are taken one by one, the times around each by a product of matrices."""
+
 
 class TransitionSeries:
     """X exp(M tau) v for one matrix M (q, q), whose powers are known, and many tau >= 0 [s].
@@ -48,6 +52,7 @@ class TransitionSeries:
 
     def __init__(self, powers: TransitionPowers) -> None:
         self.powers, self._recurring = powers, RecurringTransitions(powers)
+        self._M = powers.matrix * powers.step if math.isfinite(powers.step) else powers.matrix
 
     def matrices(self, tau: Array) -> Array:
         """exp(M tau_i) (m, q, q) for times tau (m,) [s], not negative: a few each by itself, many as states that start from 1."""
@@ -77,13 +82,8 @@ class TransitionSeries:
         if math.isinf(self.powers.step):
             np.matmul(v.take(owner, axis=0), X.T, out=result)
             return result
-        rows = _Rows(X * self.powers.scale, self.powers.matrix * self.powers.step)
-        long = max(LONG_STRETCH, len(self.powers.matrix))
-        edges, done = np.zeros(1, dtype=int), 0
-        if np.any(owner[long - 1 :] == owner[: max(0, len(owner) - long + 1)]):  # else no stretch is long
-            edges = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1, [len(tau)]])
-        for stretch in np.flatnonzero(np.diff(edges) >= long):
-            first, last = edges[stretch : stretch + 2].tolist()
+        rows, done = _Rows(X * self.powers.scale, self._M), 0
+        for first, last in _long_stretches(owner, max(LONG_STRETCH, len(self._M))):
             spacing = _even_spacing(tau[first:last], min(resolution, EVEN_ANGLE / max(self.powers.pace, np.finfo(float).tiny)))
             if spacing is None:
                 continue
@@ -149,22 +149,18 @@ class TransitionSeries:
 
     def _summed(self, nodes: Array, cells: _Cells) -> Array:
         """The Taylor series from the cells' nodes to the times, (m, q)."""
-        M, share = self.powers.matrix.T * self.powers.step, cells.remainder[:, None]
         terms = [nodes]
         for j in range(1, cells.terms):
-            terms.append(terms[-1] @ M / j)
-        result = np.zeros((len(cells.cell), nodes.shape[1]))
-        for term in reversed(terms):
-            result *= share
-            result += term.take(cells.cell, axis=0)
-        return result
+            terms.append(terms[-1] @ self._M.T / j)
+        return cells.sums(np.array(terms))
 
     def _nodes(self, v: Array, count: NDArray[np.int64]) -> Array:
         """exp(M h count_i) v_i."""
-        for bit in range(int(count.max(initial=0)).bit_length()):
-            chosen = (count >> bit) & 1 == 1
-            if np.any(chosen):
-                v[chosen] = v[chosen] @ self.powers.digit(bit).T
+        used = int(np.bitwise_or.reduce(count))
+        for bit in range(used.bit_length()):
+            if used >> bit & 1:
+                chosen = np.flatnonzero(count >> bit & 1)
+                v[chosen] = v.take(chosen, axis=0) @ self.powers.digit(bit).T
         return v
 
 
@@ -184,6 +180,22 @@ class _Cells:
     owner: Indices
     count: NDArray[np.int64]
     terms: int
+
+    def sums(self, coefficients: Array) -> Array:
+        """sum_j coefficients[j, cell_i] remainder_i^j of power series around the nodes (terms, c, r): (m, r)."""
+        c, m = len(self.count), len(self.cell)
+        result = np.zeros((m, coefficients.shape[2]))
+        if c <= ONE_BY_ONE:
+            shares = np.vander(self.remainder, self.terms, increasing=True)
+            edges = np.searchsorted(self.cell, np.arange(c + 1)).tolist()
+            for number, (first, last) in enumerate(itertools.pairwise(edges)):
+                np.matmul(shares[first:last], coefficients[:, number], out=result[first:last])
+            return result
+        share = self.remainder[:, None]
+        for coefficient in coefficients[::-1]:
+            result *= share
+            result += coefficient.take(self.cell, axis=0)
+        return result
 
     @classmethod
     def of(cls, distance: Array, owner: Indices) -> _Cells:
@@ -208,12 +220,15 @@ class _Rows:
         """X exp(M remainder_i) nodes[cell_i], (m, k)."""
         while len(self._series) < cells.terms:
             self._series.append(self._series[-1] @ self._M / len(self._series))
-        share = cells.remainder[:, None]
-        result = np.zeros((len(cells.cell), len(self.X)))
-        for term in reversed(self._series[: cells.terms]):
-            result *= share
-            result += (nodes @ term.T).take(cells.cell, axis=0)
-        return result
+        return cells.sums(nodes @ np.array(self._series[: cells.terms]).swapaxes(1, 2))
+
+
+def _long_stretches(owner: Indices, long: int) -> list[tuple[int, int]]:
+    """Where stretches of at least `long` times of one owner begin and end."""
+    if len(owner) < long or not (owner[long - 1 :] == owner[: len(owner) - long + 1]).any():
+        return []
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(owner)) + 1, [len(owner)]]).tolist()
+    return [(first, last) for first, last in itertools.pairwise(edges) if last - first >= long]
 
 
 def _even_spacing(tau: Array, resolution: float) -> float | None:

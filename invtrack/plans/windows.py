@@ -112,10 +112,10 @@ def windows(trajectory: Trajectory, switch_times: Array, plant_paces: Array, spa
         add(same, finish[same, None] - layer[:, ::-1], np.where(alone[same], per_piece + 1, 0)[:, None])
     for amount, panels in np.unique(np.column_stack([between, row])[cut], axis=0).tolist():
         same = cut[(between[cut] == amount) & (row[cut] == panels)]
-        for place, share in enumerate(np.linspace(0.0, 1.0, amount).tolist(), start=1):
-            start = begin[same] + (depth[same] + (room[same] - block[same]) * share)
-            joints = start[:, None] + block[same, None] * np.linspace(0.0, 1.0, panels + 1)
-            add(same, joints, np.where(alone[same], place, 0)[:, None])
+        starts = begin[same] + (depth[same] + (room[same] - block[same]) * np.linspace(0.0, 1.0, amount)[:, None])
+        joints = starts[:, :, None] + block[same, None] * np.linspace(0.0, 1.0, panels + 1)
+        place = np.where(alone[same], np.arange(1, amount + 1)[:, None], 0)
+        add(np.tile(same, amount), joints.reshape(-1, panels + 1), place.reshape(-1, 1))
     starts, ends, owner, window, part = (np.concatenate(values) for values in zip(*found, strict=True))
     order = np.lexsort([starts, part, window])
     return Windows(

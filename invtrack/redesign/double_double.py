@@ -90,7 +90,7 @@ def _slices(high: Array, low: Array, bits: int) -> tuple[list[Array], Indices]:
     _, exponent = np.frexp(np.max(np.abs(high), axis=1, initial=0.0))
     high, low = np.ldexp(high, -exponent[:, None]), np.ldexp(low, -exponent[:, None])
     found: list[Array] = []
-    while not found or (len(found) * bits < DIGITS and np.any(high)):
+    while not found or (len(found) * bits < DIGITS and high.any()):
         unit = math.ldexp(1.0, -bits * (len(found) + 1))
         piece = high / unit
         np.rint(piece, out=piece)

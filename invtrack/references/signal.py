@@ -402,7 +402,7 @@ def _inner_times(edges: Array) -> Array:
 
 def selection(mask: NDArray[np.bool_]) -> slice | Indices | None:
     """Which entries a mask chooses: a slice where they are neighbours, which costs no copies; None where it chooses none."""
-    chosen = np.flatnonzero(mask)
+    chosen = mask.nonzero()[0]
     if chosen.size == 0:
         return None
     first, last = int(chosen[0]), int(chosen[-1])
