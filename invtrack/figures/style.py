@@ -69,7 +69,8 @@ def shared_style() -> AbstractContextManager[None]:
     """The context in which every figure is drawn; matplotlib's settings are as before outside it."""
     import matplotlib
 
-    return matplotlib.rc_context({**matplotlib.rcParamsDefault, **_STYLE})
+    defaults = {name: value for name, value in matplotlib.rcParamsDefault.items() if name != "backend"}  # choosing one loads pyplot
+    return matplotlib.rc_context({**defaults, **_STYLE})
 
 
 def line_looks(count: int) -> list[dict[str, Any]]:

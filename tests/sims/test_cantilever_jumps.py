@@ -77,9 +77,7 @@ def coloured(path: Path) -> float:
     return float(np.mean(np.ptp(pixels, axis=2) > 0.3))
 
 
-@pytest.mark.parametrize(
-    ("words", "status"), [(("--timestep", "-1"), 2), (("--timestep", "soon"), 2), (("--out", "file/under"), 1)]
-)
+@pytest.mark.parametrize(("words", "status"), [(("--timestep", "-1"), 2), (("--out", "file/under"), 1)])
 def test_mistakes_end_in_one_message(tmp_path: Path, words: tuple[str, ...], status: int) -> None:
     (tmp_path / "file").write_text("in the way")
     failed = run_script("cantilever_jumps", tmp_path, *words)

@@ -92,7 +92,8 @@ def main(out: Path, *words: str) -> None:
     if options.get("--on") == "dask":
         from distributed import Client, LocalCluster
 
-        with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
+        workers = 2 if "--worker-dies" in options else 1
+        with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster, Client(cluster) as client:
             done = swept(out, executor=client.get_executor(pure=False))
     else:
         done = swept(out, workers=2)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import invtrack
-from tests.sweeps.oscillators import POINTS
+from tests.sweeps.oscillators import POINTS, swept
 
 PROGRAM = Path(__file__).with_name("oscillators.py")
 CHECKOUT = Path(invtrack.__file__).parents[1]
@@ -42,9 +42,7 @@ def only_folder(out: Path) -> Path:
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> bytes:
     out = tmp_path_factory.mktemp("undisturbed")
-    finished = run(out)
-    assert finished.returncode == 0, finished.stderr
-    assert finished.stdout == f"{POINTS}\n"
+    assert swept(out, workers=2).computed == POINTS
     return (only_folder(out) / "rows.parquet").read_bytes()
 
 
