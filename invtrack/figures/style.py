@@ -69,8 +69,9 @@ def shared_style() -> AbstractContextManager[None]:
     """The context in which every figure is drawn; matplotlib's settings are as before outside it."""
     import matplotlib
 
-    defaults = {name: value for name, value in matplotlib.rcParamsDefault.items() if name != "backend"}  # choosing one loads pyplot
-    return matplotlib.rc_context({**defaults, **_STYLE})
+    settings = {**matplotlib.rcParamsDefault, **_STYLE}
+    del settings["backend"]  # it is no matter of style, and to choose one loads pyplot
+    return matplotlib.rc_context(settings)
 
 
 def line_looks(count: int) -> list[dict[str, Any]]:
