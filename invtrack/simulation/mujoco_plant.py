@@ -195,7 +195,14 @@ class MujocoStepper:
         )
         if not same or self.model.nq == self.model.nv:
             return None
-        return np.array([np.concatenate(configuration_of(self.model, self._x0, plant.coordinates_of(row))) for row in x])
+        nq, nv = self.model.nq, self.model.nv
+        coordinates = np.zeros((len(x), len(plant.coordinates)))
+        coordinates[:, plant.state_addresses] = x
+        result = np.tile(self._x0, (len(x), 1))
+        result[:, nq:] += coordinates[:, nv:]
+        for qpos, displacement in zip(result[:, :nq], coordinates[:, :nv], strict=True):
+            mujoco.mj_integratePos(self.model, qpos, displacement, 1.0)
+        return result
 
     def positions(self, raw: Array) -> Array:
         """qpos (k, nq) of raw states (k, nq + nv + na)."""
