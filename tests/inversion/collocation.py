@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 from scipy.sparse.linalg import spsolve
 
 from invtrack.arrays import Array
@@ -17,7 +18,7 @@ def least_input(
     models: Sequence[StateSpace],
     switch_times: Sequence[float],
     R: Array,
-    wanted: Callable[[float, int], Array],
+    wanted: Callable[[ArrayLike, int], Array],
     degree: int,
     window: tuple[float, float],
     steps: int,
@@ -34,7 +35,7 @@ def least_input(
         models: of each interval.
         switch_times: [s].
         R: weight of the inputs.
-        wanted: derivative of the outputs (p,) of an order at a time.
+        wanted: derivative of the outputs of an order, (p,) at a time and (k, p) at times.
         degree: the relative degree, the same for all outputs; 0 for a feedthrough of full row rank.
         window: first and last time [s].
         steps: their number N.
@@ -46,7 +47,7 @@ def least_input(
     t = np.linspace(*window, steps + 1)
     h, middle = t[1] - t[0], (t[:-1] + t[1:]) / 2
     interval = np.searchsorted(switch_times, middle)
-    first_u = (steps + 1) * n
+    first_u, highest_wanted = (steps + 1) * n, wanted(middle, degree)
     blocks: list[tuple[Array, int, int]] = []
     values: list[Array] = []
     row = 0
@@ -63,7 +64,7 @@ def least_input(
         equation(np.zeros(n), (eye / h - system.A / 2, x_next), (-eye / h - system.A / 2, x), (-system.B, u))
         highest = system.C @ np.linalg.matrix_power(system.A, degree)
         gains = system.C @ np.linalg.matrix_power(system.A, degree - 1) @ system.B if degree else system.D
-        equation(wanted(middle[k], degree), (highest / 2, x), (highest / 2, x_next), (gains, u))
+        equation(highest_wanted[k], (highest / 2, x), (highest / 2, x_next), (gains, u))
         if k and interval[k] != interval[k - 1]:
             before, after = (outputs_and_derivatives(models[j], degree) for j in (interval[k - 1], interval[k]))
             other = ~np.all(np.isclose(before, after), axis=1)

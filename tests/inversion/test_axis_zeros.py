@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import re
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +20,7 @@ from invtrack.references.profiles import autonomous, constant, raised_cosine, re
 from invtrack.references.signal import PiecewiseSignal, stack
 from tests.inversion.modified_cases import PASSIVE_TWO_DISC
 from tests.linear.random_plants import block, plant_with
+from tests.linear_motion import states
 
 SLEW = rest_to_rest(0.0, 1.0, 5.0, smoothness=4)
 
@@ -39,10 +39,10 @@ def simulated(plant: StateSpace, plan: Plan, span: tuple[float, float]) -> np.nd
     for a, b in itertools.pairwise(t):
         inside = (a + b) / 2
 
-        def rate(time: float, x: np.ndarray, inside: float = inside) -> Any:
-            return plant.A @ x + plant.B @ plan.inputs([time], inside=[inside])[0]
+        def forces(times: np.ndarray, inside: float = inside) -> np.ndarray:
+            return plan.inputs(times, inside=np.full(len(times), inside)) @ plant.B.T
 
-        x = scipy.integrate.solve_ivp(rate, (a, b), x, rtol=1e-10, atol=1e-12, method="DOP853").y[:, -1]
+        x = states(plant.A, x, forces, np.array([a, b]), longest=0.05)[-1]
         u = plan.inputs([b], inside=[inside])[0]
         errors.append(plant.C @ x + plant.D @ u - plan.reference([b], inside=[inside])[0])
     return np.array(errors)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import scipy.linalg
-from scipy.integrate import solve_ivp
 
 from invtrack.inversion.exact import invert
 from invtrack.linear.state_space import StateSpace
@@ -16,6 +15,7 @@ from invtrack.linear.switched import SwitchedSystem
 from invtrack.plans.plan import Plan
 from invtrack.references.profiles import constant, raised_cosine
 from tests.cited_plants import CANTILEVER_TIP_MASSES, cantilever_paper
+from tests.linear_motion import states
 
 SWITCHES = [np.pi / 2, 3 * np.pi / 2]
 SYSTEMS = [StateSpace(*cantilever_paper(m)) for m in CANTILEVER_TIP_MASSES]
@@ -61,12 +61,12 @@ def test_dynamics_between_breakpoints_by_an_independent_integrator(plan: Plan, i
     middle = (start + end) / 2
     system = plan.model.systems[int(plan.model.interval(middle))]
 
-    def slope(t: float, x: np.ndarray) -> np.ndarray:
-        return np.asarray(system.A @ x + system.B @ plan(t, inside=middle).u[0])
+    def forces(t: np.ndarray) -> np.ndarray:
+        return np.asarray(plan.inputs(t, inside=np.full(len(t), middle)) @ system.B.T)
 
     times = np.linspace(start, end, 7)
     x_start = plan(start, inside=middle).x[0]
-    found = solve_ivp(slope, interval, x_start, "DOP853", t_eval=times, rtol=1e-12, atol=1e-12).y.T
+    found = states(system.A, x_start, forces, times, longest=0.05)
     assert found == pytest.approx(plan(times, inside=middle).x, abs=2e-9)
     assert found[:, 1] == pytest.approx(plan(times).y_d[:, 0], abs=2e-9)
 

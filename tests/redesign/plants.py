@@ -71,12 +71,22 @@ def simulated(model: Any, u: Callable[[Array], Array], times: Array) -> Array:
     h = times[1] - times[0]
     # One side at each end of a step: inputs may jump at switch times.
     first, middle, last = u(times[:-1] + 1e-9 * h), u(times[:-1] + h / 2), u(times[1:] - 1e-9 * h)
-    x = np.zeros((len(times), plant.n_states))
-    for j, k in enumerate(plant.interval(times[:-1] + h / 2)):
-        A, B = plant.systems[k].A, plant.systems[k].B
-        k_1 = A @ x[j] + B @ first[j]
-        k_2 = A @ (x[j] + h / 2 * k_1) + B @ middle[j]
-        k_3 = A @ (x[j] + h / 2 * k_2) + B @ middle[j]
-        k_4 = A @ (x[j] + h * k_3) + B @ last[j]
-        x[j + 1] = x[j] + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4)
+    interval = plant.interval(times[:-1] + h / 2)
+    x, matrices, added = np.zeros((len(times), plant.n_states)), [], np.empty((len(times) - 1, plant.n_states))
+    for k, system in enumerate(plant.systems):
+        ours, none = interval == k, np.zeros((plant.n_states,) * 2)
+        matrices.append(_step(system.A, np.eye(plant.n_states), none, none, none, h))
+        forces = [part[ours] @ system.B.T for part in (first, middle, last)]
+        added[ours] = _step(system.A, np.zeros_like(forces[0]), *forces, h)
+    for j, k in enumerate(interval):
+        x[j + 1] = x[j] @ matrices[k] + added[j]
     return x
+
+
+def _step(A: Array, x: Array, first: Array, middle: Array, last: Array, h: float) -> Array:
+    """States a step later (m, n), of states x and forces at its start, in its middle and at its end (m, n)."""
+    k_1 = x @ A.T + first
+    k_2 = (x + h / 2 * k_1) @ A.T + middle
+    k_3 = (x + h / 2 * k_2) @ A.T + middle
+    k_4 = (x + h * k_3) @ A.T + last
+    return np.asarray(x + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + k_4))
