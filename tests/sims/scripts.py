@@ -1,12 +1,17 @@
-"""Running the scripts as a user does: a separate process, any working directory, no display."""
+"""Running the scripts as a user does: any working directory, no display; in a process of their own, or in this one."""
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
+import runpy
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 SIMS = Path(__file__).parents[2] / "sims"
 
@@ -18,11 +23,20 @@ def run_script(name: str, folder: Path, *words: str) -> subprocess.CompletedProc
 
 
 def summary_of(name: str, folder: Path, *words: str, timestep: float, says: str) -> dict[str, Any]:
-    """summary.json of a run without figures that ends well and prints `says`; everything it writes is in `folder`."""
-    finished = run_script(name, folder, "--timestep", str(timestep), "--no-figures", "--out", str(folder), *words)
-    assert finished.returncode == 0, finished.stderr
-    assert says in finished.stdout
-    assert not finished.stderr
+    """summary.json of a run without figures that ends well and prints `says`; everything it writes is in `folder`.
+
+    In this process, which has loaded already what takes long to load.
+    """
+    script, out, err = str(SIMS / f"{name}.py"), io.StringIO(), io.StringIO()
+    words = ("--timestep", str(timestep), "--no-figures", "--out", str(folder), *words)
+    with pytest.MonkeyPatch.context() as patched, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        patched.syspath_prepend(SIMS)
+        patched.setattr(sys, "argv", [script, *words])
+        with pytest.raises(SystemExit) as left:
+            runpy.run_path(script, run_name="__main__")
+    assert not left.value.code, err.getvalue()
+    assert says in out.getvalue()
+    assert not err.getvalue()
     summary: dict[str, Any] = json.loads((folder / "summary.json").read_text())
     assert (summary["study"], summary["status"]) == (name, "complete")
     assert {path.name for path in folder.iterdir()} == {"summary.json", *summary["files"]}
