@@ -103,8 +103,7 @@ def contradiction(
     stops = np.union1d(np.union1d(plan.breakpoints, plan.reference.breakpoints), switch_times)
     steps = Steps.of([interval.size for interval in intervals], zeros, max(stops[-1] - stops[0], 1e-3))
     for interval in intervals:
-        for start, h in _stretches(interval, stops, plan, steps):
-            sums.add(interval, values, start, h)
+        sums.add(interval, values, np.array(list(_stretches(interval, stops, plan, steps))))
     return Contradiction(
         dynamics=share(sums.x_miss, sums.x_size),
         output=share(sums.y_miss, sums.y_size),
@@ -177,9 +176,9 @@ class _Values:
     def __init__(self, plan: Plan, units: Units) -> None:
         self.plan, self.units = plan, units
 
-    def at(self, t: Array, inside: float) -> tuple[Array, Array, Array, Array]:
-        """x, u, y and y_d at times within the piece that holds `inside`."""
-        s = self.plan(t, inside=np.full(len(t), inside))
+    def at(self, t: Array, inside: Array | float) -> tuple[Array, Array, Array, Array]:
+        """x, u, y and y_d at times (k,) within the pieces that hold the times `inside`."""
+        s = self.plan(t, inside=np.broadcast_to(inside, t.shape))
         return s.x / self.units.x, s.u / self.units.u, s.y / self.units.y, s.y_d / self.units.y
 
     def jumps(self, stops: Array) -> Array:
@@ -196,20 +195,22 @@ class _Sums:
         self.x_miss, self.x_size, self.x_peak = np.zeros(n), np.zeros(n), np.zeros(n)
         self.y_miss, self.y_size = np.zeros(p), np.zeros(p)
 
-    def add(self, interval: Interval, values: _Values, start: float, h: float) -> None:
-        """Integrate over h seconds from `start` [s] and note what differs."""
+    def add(self, interval: Interval, values: _Values, stretches: Array) -> None:
+        """Integrate over stretches (k, 2), each from its start [s] for its length [s], and note what differs."""
+        start, h = stretches.T[:, :, None]
         t = start + h * np.concatenate([[0.0], (1 + NODES) / 2, [1.0]])
-        plant, (flow, drive) = interval.plant, interval.flow(h)
-        x, u, y, y_d = values.at(t, start + h / 2)
-        reached = flow @ x[0] + np.einsum("gnp,gp->n", drive, u[1:-1])
+        planned = values.at(t.ravel(), np.broadcast_to(start + h / 2, t.shape).ravel())
+        x, u, y, y_d = (part.reshape(*t.shape, -1) for part in planned)
+        plant, (flow, drive) = interval.plant, zip(*map(interval.flow, h[:, 0].tolist()), strict=True)
+        reached = np.einsum("kab,kb->ka", flow, x[:, 0]) + np.einsum("kgnp,kgp->kn", drive, u[:, 1:-1])
         terms = np.abs(x) @ np.abs(plant.A).T + np.abs(u) @ np.abs(plant.B).T
-        self.x_miss = np.maximum(self.x_miss, np.abs(reached - x[-1]))
-        self.x_peak = np.maximum(self.x_peak, np.max(np.abs(x), axis=0))
-        self.x_size = np.maximum(self.x_size, np.max(np.abs(x) + h * terms, axis=0))
+        self.x_miss = np.maximum(self.x_miss, np.max(np.abs(reached - x[:, -1]), axis=0))
+        self.x_peak = np.maximum(self.x_peak, np.max(np.abs(x), axis=(0, 1)))
+        self.x_size = np.maximum(self.x_size, np.max(np.abs(x) + h[:, :, None] * terms, axis=(0, 1)))
         shown = x @ plant.C.T + u @ plant.D.T
-        self.y_miss = np.maximum(self.y_miss, np.max(np.maximum(np.abs(shown - y_d), np.abs(y - y_d)), axis=0))
+        self.y_miss = np.maximum(self.y_miss, np.max(np.maximum(np.abs(shown - y_d), np.abs(y - y_d)), axis=(0, 1)))
         possible = np.abs(x) @ np.abs(plant.C).T + np.abs(u) @ np.abs(plant.D).T + np.abs(y_d)
-        self.y_size = np.maximum(self.y_size, np.max(possible, axis=0))
+        self.y_size = np.maximum(self.y_size, np.max(possible, axis=(0, 1)))
 
 
 def share(miss: Array, size: Array) -> float:
