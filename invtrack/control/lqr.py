@@ -18,6 +18,9 @@ from invtrack.linear.switched import SwitchedSystem, as_switched
 from invtrack.plans.linearizations import Linearizations
 from invtrack.plans.plan import Plan
 
+ROUNDING = 1e-6
+"""A closed-loop pole that decays by less than this share of the fastest one may be a double one on the imaginary axis, rounded."""
+
 WEIGHED = 1e-12
 """An eigenvalue of Q, once its diagonal is scaled to one, weighs nothing below this share of the largest."""
 
@@ -86,13 +89,13 @@ def _stationary(system: StateSpace, Q: Array, R: Array) -> tuple[Array, Array]:
         raise ControlError(f"no LQR gain: {_obstacle(system, Q) or error}") from error
     K = np.asarray(np.linalg.solve(R, system.B.T @ X))
     poles = np.linalg.eigvals(system.A - system.B @ K)
+    reason = _obstacle(system, Q) if np.any(poles.real >= -ROUNDING * np.max(np.abs(poles))) else ""
+    if reason:
+        raise ControlError(f"no LQR gain: {reason}")
     if np.any(poles.real >= 0):
-        reason = _obstacle(system, Q)
         raise ControlError(
-            f"no LQR gain: {reason}"
-            if reason
-            else f"the LQR gain does not stabilize the plant: closed-loop poles {np.round(poles, 6).tolist()}; the weights of "
-            "some states or inputs may differ by too many orders of magnitude"
+            f"the LQR gain does not stabilize the plant: closed-loop poles {np.round(poles, 6).tolist()}; the weights of some "
+            "states or inputs may differ by too many orders of magnitude"
         )
     return X, K
 

@@ -49,7 +49,7 @@ def slew(plant: PublishedPlant, choice: Choice, *, tolerance: float = 1e-10) -> 
     return invert(plant.square(choice), reference, tolerance=tolerance)
 
 
-def assert_followed(plant: PublishedPlant, choice: Choice, *, states: float = 5e-9) -> None:
+def assert_followed(plant: PublishedPlant, choice: Choice, *, states: float = 1e-8) -> None:
     plan = slew(plant, choice, tolerance=1e-13)
     assert plan.certificate.worst(exact=True) < 1e-9
     assert plan.certificate.rest_residual < 1e-12
