@@ -35,10 +35,6 @@ BOTH = StateSpace(
 )
 """Outputs of relative degrees 2 and 1, which are met in the middle and at the end of a hold."""
 
-ROUNDING = 4 * np.finfo(float).eps
-"""Of outputs of a size of one, in a unit of time as long as a hold: what rounding of states leaves in inputs grows as the square of
-the number of holds in a motion."""
-
 
 def slew(smoothness: int = 4) -> invtrack.PiecewiseSignal:
     return invtrack.rest_to_rest(0.0, 1.0, duration=4.0, smoothness=smoothness)
@@ -75,11 +71,10 @@ def test_outputs_are_exact_once_in_each_hold(
 ) -> None:
     plan = invtrack.invert(model, reference, hold=hold, tolerance=1e-14)
     middle, end = errors(model, plan, hold)
-    rounding = ROUNDING * (4.0 / hold) ** 2
     for i, last in enumerate(at_end):
         exact, ripple = (end, middle) if last else (middle, end)
-        assert np.max(np.abs(exact[:, i])) < rounding
-        assert np.max(np.abs(ripple[:, i])) <= plan.certificate.output_error + rounding
+        assert np.max(np.abs(exact[:, i])) < 1e-11
+        assert np.max(np.abs(ripple[:, i])) <= plan.certificate.output_error + 1e-11
     assert plan.certificate.worst(exact=False) < 1e-10
     assert any(f"zero-order hold of {hold:g} s" in remark for remark in plan.remarks)
 
