@@ -44,7 +44,7 @@ def build(options: StudyOptions) -> Setup:
     )
     model = invtrack.SwitchedSystem([invtrack.linearize(plant, tip_mass=mass) for mass in MASSES], JUMPS)
     plan = invtrack.invert(model, invtrack.raised_cosine(2.0), tolerance=1e-11)
-    cases = _cases(plant, model, plan)
+    cases = _cases(plant, model, plan, options.timestep)
     return Setup(
         cases,
         sections={"plan": _plan_numbers(plan), "error_slope": partial(_error_slope, cases[0], options.timestep)},
@@ -60,9 +60,10 @@ def build(options: StudyOptions) -> Setup:
     )
 
 
-def _cases(plant: invtrack.Plant, model: invtrack.SwitchedSystem, plan: invtrack.Plan) -> list[Case]:
+def _cases(plant: invtrack.Plant, model: invtrack.SwitchedSystem, plan: invtrack.Plan, timestep: float) -> list[Case]:
     gains = invtrack.lqr(model, Q=100.0, R=0.01)
     exact = invtrack.TrackingController(plan, gains)
+    for_the_hold = invtrack.invert(model, plan.reference, hold=timestep, tolerance=plan.tolerance)
     frozen = invtrack.TrackingController(invtrack.invert(model.systems[0], plan.reference, tolerance=plan.tolerance), gains)
     static = invtrack.TrackingController(invtrack.inversion.steady_state_feedforward(model, plan.reference), gains)
 
@@ -71,6 +72,7 @@ def _cases(plant: invtrack.Plant, model: invtrack.SwitchedSystem, plan: invtrack
 
     return [
         case("inversion", exact),
+        case("inversion_for_the_hold", invtrack.TrackingController(for_the_hold, gains)),
         case("inversion_continuous", exact, evaluate="stages"),
         case("feedforward_only", invtrack.TrackingController(plan)),
         case("feedback_only", static),

@@ -15,6 +15,7 @@ from tests.sims.scripts import run_script
 
 CASES = {
     "inversion",
+    "inversion_for_the_hold",
     "inversion_continuous",
     "feedforward_only",
     "feedback_only",
@@ -54,6 +55,7 @@ def test_the_summary_ranks_the_cases(folder: Path, finished: subprocess.Complete
     for numbers in summary["cases"].values():
         assert 0.5 * numbers["rms_error"] < numbers["residual_vibration"] <= 2 * numbers["max_error"]
     vibration = {case: numbers["residual_vibration"] for case, numbers in summary["cases"].items()}
+    assert error["inversion_for_the_hold"] < 1e-2 * error["inversion"]
     assert vibration["inversion_continuous"] < 1e-2 * vibration["inversion"] < 1e-4 * vibration["feedback_only"]
     coarse, fine = summary["error_slope"][-1], summary["error_slope"][0]
     assert coarse["max_error"] / fine["max_error"] == pytest.approx((coarse["timestep"] / fine["timestep"]) ** 2, rel=0.1)
