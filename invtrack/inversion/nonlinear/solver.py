@@ -288,9 +288,10 @@ class MotionSolver:
 
         motion: about the one that meets them.
         """
-        enough = MARGIN * self.accuracy
-        linear = tail_errors(self.problem, shooting, motion)
-        if self.bending is not None or np.all(linear <= enough):
+        if self.bending is not None:  # what is to rest is told by linear rows, to which linear tails belong
+            return shooting
+        enough, linear = MARGIN * self.accuracy, tail_errors(self.problem, shooting, motion)
+        if np.all(linear <= enough):
             return shooting
         tails = [
             curved(shooting.dynamics[number], end, shooting.scheme, side, away)

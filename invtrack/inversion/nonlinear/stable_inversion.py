@@ -193,7 +193,7 @@ def _require_rest(problem: MotionProblem, certificate: Certificate, limit: float
             "damp them, track another output, or choose a reference that leaves them at rest"
         )
     raise PlanError(
-        f"the motion does not come to rest: {left}, where its linear tails do not carry it; allow more preactuation and "
+        f"the motion does not come to rest: {left}, where its tails do not carry it; allow more preactuation and "
         "postactuation, or ask for less accuracy"
     )
 

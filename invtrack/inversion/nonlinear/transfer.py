@@ -1,4 +1,4 @@
-"""A motion carried over to another mesh: its own states and inputs within its window, its linear tails outside."""
+"""A motion carried over to another mesh: its own states and inputs within its window, its tails outside."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a mesh reaches before and after the manoeuvre: to where linear tails do, in elements that grow on the way out."""
+"""How far a mesh reaches before and after the manoeuvre: to where tails do, in elements that grow on the way out."""
 
 from __future__ import annotations
 
